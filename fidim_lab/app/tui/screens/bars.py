@@ -164,7 +164,8 @@ def _alarms(view: ScreenState, width: int) -> list[Line]:
         case Connection.SILENT:
             rows += _alarm(f"✗ THE SERVICE IS SILENT{old}", width, SILENT_ADVICE)
         case Connection.ENDED:
-            rows += _alarm(f"□ THE SERVICE HAS ENDED{old}", width, *_last_words(view.why, width), alarm="warn")
+            heard = "" if view.age is None else f" – values of {view.age:.0f} s ago"
+            rows += _alarm(f"□ THE SERVICE HAS ENDED{heard}", width, *_last_words(view.why, width), alarm="warn")
         case _:
             pass
     if view.offer is not None:

@@ -135,7 +135,7 @@ def _shown(app):
     """Text of the whole terminal; what the passing of time changes is put aside."""
     rows = ["".join(part.text for part in strip).rstrip() for strip in app.screen._compositor.render_strips()]
     text = "\n".join(rows) + "\n"
-    text = re.sub(r"ARE \d+ s OLD", "ARE 0 s OLD", text)
+    text = re.sub(r"ARE \d+ s OLD", "ARE 0 s OLD", re.sub(r"values of \d+ s ago", "values of 0 s ago", text))
     text = re.sub(r"✗ OLD [\d.]+ s", "✗ OLD 1.0 s", text)
     text = re.sub(r"^/tmp/\S+: no service.*\n", "SOCKET: no service listens there\n", text, flags=re.MULTILINE)
     return re.sub(r"newest \d+ ms", "newest 20 ms", re.sub(r" +\d+ ms old", "    10 ms old", text))
