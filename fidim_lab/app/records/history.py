@@ -30,7 +30,8 @@ FORMAT = "fidim-history/1"
 JOURNAL, RESULT, EXPLANATION, ROBOT = "journal.jsonl", "result.json", "explanation.json", "robot.toml"
 FAILED = (Outcome.FAIL, Outcome.ERROR)
 ACCEPT = Accept.__name__
-RECORDING = (Record.__name__, CheckWindow.__name__, ACCEPT)
+CHECK = CheckWindow.__name__
+RECORDING = (Record.__name__, CHECK, ACCEPT)
 VERDICTS = (ACCEPT, GiveUp.__name__, Verdict.__name__)
 """steps, as the journal calls them"""
 SHOWN = 10
@@ -121,7 +122,7 @@ def _journal(entries: Sequence[Entry]) -> dict[str, Any]:
         "verdict": ended[-1].outcome.value if ended else "cut off",
         "windows": _counted_windows(done, len(planned)),
         "steps": _counted((entry.step, entry) for entry in done),
-        "rejected": _counted((entry.window, entry) for entry in done if entry.step == "CheckWindow"),
+        "rejected": _counted((entry.window, entry) for entry in done if entry.step == CHECK),
     }
 
 

@@ -65,7 +65,7 @@ def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row:
     useful = (kept.sum(axis=1) - rivals.degree - 2 >= MARKERS.rivals_fewest) & (~deletes | (deleted == rivals.freedom))
     if not useful[0]:
         return None
-    costs, sizes = _costs(np.where(seen[:, np.newaxis], piece, 0.0), seen)
+    costs, sizes = _costs(np.where(seen[:, np.newaxis], piece, 0.0), kept, seen)
     costs = np.where(useful, costs, np.inf) + 3 * rivals.freedom * np.log(3 * seen.sum())
     best = int(np.argmin(costs))
     innocent = [k for k, what in enumerate(rivals.what) if what in (What.MOTION, What.BLOW)]
@@ -76,9 +76,8 @@ def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row:
     return Verdict(rivals.what[best], rows, sizes[best] * sigma)
 
 
-def _costs(piece: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _costs(piece: np.ndarray, kept: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """χ² that each rival leaves of the seen samples, and the size of its further column (C, 3)."""
-    kept = _rivals().kept * seen
     design, solve = _fits(seen.tobytes())
     middle = piece.sum(axis=0) / max(1, np.count_nonzero(kept[0]))
     values = (piece - middle) * kept[..., np.newaxis]

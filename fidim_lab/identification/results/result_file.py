@@ -191,7 +191,7 @@ def read_result(path: Path) -> ResultTable:
     try:
         table = read_json_as(path, ResultTable.model_validate)
     except FileError as error:
-        error.hint = error.hint or ("A result file is what fidim identify --json writes.")
+        error.hint = error.hint or "A result file is what fidim identify --json writes."
         raise
     missing = [name for name in PARAMETER_NAMES if name not in table.parameters]
     unknown = [name for name in table.parameters if name not in PARAMETER_NAMES]

@@ -140,9 +140,9 @@ class Trials:
 
     def _simpler(self, model: Completed, k: int) -> Completed | None:
         """With the parts into which term k falls in its place, or beside others its simple form; None without any."""
-        term, theta = model.tried[k], model.thetas[k]
+        term, (theta, sd) = model.tried[k], model.theta_of(k)
         narrow = term.effect.narrower(theta) if len(model.tried) > 1 else None
-        simple = term.effect.parts(*model.theta_of(k)) or (() if narrow is None else (narrow,))
+        simple = term.effect.parts(theta, sd) or (() if narrow is None else (narrow,))
         fewer = len(self.start.tried.admitted(simple)) < len(simple)
         if not simple or fewer or len(model.tried) + len(simple) - 1 > SELECTION.most_terms:
             return None
