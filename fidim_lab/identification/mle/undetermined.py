@@ -4,7 +4,8 @@ Where a mode of the motion is not in the recordings, its amplitude is fitted to 
 frequency looks known. A standard deviation then is the width of one peak of noise, and says nothing of other bodies.
 So where the data leave some of the body open, every direction is tried out: ten standard deviations away, with each
 window's own state fitted anew, the sum of squares must have risen by ten squared. Where it has not risen by half of
-that, there or at the last body on the way that can move, no curvature is believed, and the direction counts as open.
+that, no curvature is believed, and the direction counts as open. A way that ends sooner, at bodies that cannot move,
+is asked for the same rise if a parabola reaches it there; else it says nothing.
 """
 
 from dataclasses import replace
@@ -55,14 +56,14 @@ def tried_out(found: Fit) -> Fit:
 def _excluded(found: Fit, by: Float[np.ndarray, " body"], here: float) -> bool:
     """Whether the recordings exclude bodies that are off by so much, either way, or the last that can move there.
 
-    A way on which none can within a standard deviation says nothing. here: what is left at the optimum.
+    here: what is left at the optimum.
     """
     covariance = found.covariance
     others = covariance[BODY:, :BODY] @ np.linalg.solve(covariance[:BODY, :BODY], by)
     step = np.concatenate([by, others])
     least = RISEN * FAR**2 * max(1.0, found.chi2_per_dof)
     reached = [(_as_far_as_bodies_move(found.values, way), way) for way in (step, -step)]
-    asked = [found.values + part * way for part, way in reached if part * FAR > 1.0]
+    asked = [found.values + part * way for part, way in reached if part**2 > RISEN]
     return bool(asked) and all(_left(found, there) - here > least for there in asked)
 
 
