@@ -23,7 +23,7 @@ from fidim_lab.data.records import Pose
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.design import information, pool
 from fidim_lab.identification.design.limits import KINDS, worst_of_kinds
-from fidim_lab.identification.design.search import Design, Found, Start, begin_at, design
+from fidim_lab.identification.design.search import Design, DesignFound, DesignStart, begin_at, design
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.model.motion import conditioning, marker_selector
 from sim_backends.plant.plant import Plant
@@ -34,7 +34,7 @@ OFTEN = 500.0
 """Hz, at which another simulator is looked at"""
 
 
-def timed(start: Start) -> tuple[Found, float]:
+def timed(start: DesignStart) -> tuple[DesignFound, float]:
     """A start, and its CPU seconds."""
     begin = process_time()
     return begin_at(start), process_time() - begin
@@ -44,7 +44,7 @@ def criterion(options: argparse.Namespace) -> str:
     task = DesignTask(read_robot(PAPERS_ROBOT))
     spent: list[float] = []
 
-    def run(_: Callable[[Start], Found], starts: Iterable[Start]) -> Iterable[Found]:
+    def run(_: Callable[[DesignStart], DesignFound], starts: Iterable[DesignStart]) -> Iterable[DesignFound]:
         with workers(options.processes) as spread:
             for one, seconds in spread(timed, starts):
                 spent.append(seconds)
@@ -106,7 +106,7 @@ def spread(options: argparse.Namespace) -> str:
     task = DesignTask(read_robot(PAPERS_ROBOT))
     mechanism = task.mechanism()
     drawn = pool.draw(mechanism, task, 120, np.random.default_rng([1, 0]), quiet)
-    starts = [Start(task, drawn, (1, 1 + k)) for k in range(options.starts)]
+    starts = [DesignStart(task, drawn, (1, 1 + k)) for k in range(options.starts)]
     begin_at(starts[0])  # compiled kernels are in the cache from here on
     rows: list[list[object]] = []
     reference: list[bytes] = []
@@ -115,7 +115,7 @@ def spread(options: argparse.Namespace) -> str:
     def measure(name: str, run: Callable[..., Any]) -> None:
         nonlocal reference, alone
         begin = perf_counter()
-        found: list[Found] = list(run(begin_at, starts))
+        found: list[DesignFound] = list(run(begin_at, starts))
         seconds = perf_counter() - begin
         ends = [one.z.tobytes() for one in found]
         reference, alone = reference or ends, alone or seconds

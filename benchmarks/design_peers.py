@@ -21,7 +21,7 @@ from fidim_lab.identification.design.motions import simulate
 from fidim_lab.identification.design.refine import refine
 from fidim_lab.identification.design.search import STEPS
 from fidim_lab.identification.design.task import DesignTask
-from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.windows import ReleasedWindow, place
 from fidim_lab.model.mechanism import Mechanism
 
 
@@ -41,7 +41,7 @@ class Plain:
     task: DesignTask
     begin: np.ndarray
     most: int
-    near: tuple[Placed, ...]
+    near: tuple[ReleasedWindow, ...]
     goal: float = 0.0
     """the value at which it has done enough"""
     evaluations: int = 0

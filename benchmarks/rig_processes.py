@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from procedures.recording.journal import Entry, Kind, read_journal
+from procedures.recording.journal import Entry, LineKind, read_journal
 
 ROOT = Path(__file__).parents[1]
 RIG = ROOT / "examples" / "rigs" / "simulated.toml"
@@ -180,7 +180,7 @@ def until(process: "subprocess.Popen[str]", text: str) -> None:
     sys.exit(f"never said {text!r}:\n{''.join(said)}")
 
 
-def newest(folder: Path, kind: Kind, step: str, since: float) -> Entry | None:
+def newest(folder: Path, kind: LineKind, step: str, since: float) -> Entry | None:
     """The newest journal line of a step, said since a monotonic time."""
     if not (folder / "journal.jsonl").exists():
         return None
@@ -188,7 +188,7 @@ def newest(folder: Path, kind: Kind, step: str, since: float) -> Entry | None:
     return found[-1] if found else None
 
 
-def wait_for(folder: Path, kind: Kind, step: str, since: float, process: "subprocess.Popen[str]") -> Entry:
+def wait_for(folder: Path, kind: LineKind, step: str, since: float, process: "subprocess.Popen[str]") -> Entry:
     """Wait for such a line; raises SystemExit where the process ends without one."""
     entry = comes(folder, kind, step, since, process)
     if entry is None:
@@ -197,7 +197,7 @@ def wait_for(folder: Path, kind: Kind, step: str, since: float, process: "subpro
     return entry
 
 
-def comes(folder: Path, kind: Kind, step: str, since: float, process: "subprocess.Popen[str]") -> Entry | None:
+def comes(folder: Path, kind: LineKind, step: str, since: float, process: "subprocess.Popen[str]") -> Entry | None:
     """Wait for such a line; None where the process ends without one."""
     deadline = time.monotonic() + READY_WITHIN
     while (entry := newest(folder, kind, step, since)) is None:

@@ -40,8 +40,8 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Explanation
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.next_experiment.next_windows import to_separate
-from fidim_lab.mismatch.next_experiment.proposal import Claim, Proposal, Trial
-from fidim_lab.mismatch.next_experiment.separate import Known, evidence, separating
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Proposal, ProposedTrial
+from fidim_lab.mismatch.next_experiment.separate import KnownRobot, evidence, separating
 from sim_backends.plant.plant import Plant
 from sim_backends.simulate import RecordedWindow, simulate_campaign
 
@@ -157,19 +157,21 @@ def non_centrality(
     try:
         trials = [_trial(robot, window) for window in windows if window.role is Role.IDENTIFY]
         claim = Claim(hidden, cable, theta, (other,))
-        known = Known(robot, trials)
+        known = KnownRobot(robot, trials)
         return separating(known, claim, []).before.non_centrality, evidence(known, claim)
     except InfeasibleError:
         return 0.0, 0.0
 
 
-def _trial(robot: Robot, window: PlannedWindow) -> Trial:
+def _trial(robot: Robot, window: PlannedWindow) -> ProposedTrial:
     task = DesignTask(robot, equilibria=1)
     aside = np.asarray(window.displacement)[: len(task.axes)]
-    return Trial(window.lengths, aside, place(task.mechanism(), task, np.concatenate([window.lengths, aside])).start)
+    return ProposedTrial(
+        window.lengths, aside, place(task.mechanism(), task, np.concatenate([window.lengths, aside])).start
+    )
 
 
-def planned(robot: Robot, number: int, trial: Trial) -> PlannedWindow:
+def planned(robot: Robot, number: int, trial: ProposedTrial) -> PlannedWindow:
     """As a plan has it."""
     task = DesignTask(robot, equilibria=1)
     rest = place(task.mechanism(), task, np.concatenate([trial.lengths, trial.displacement])).rest

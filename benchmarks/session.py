@@ -25,7 +25,7 @@ from benchmarks.page import meanwhile, spent, table, write_section
 from benchmarks.rig_processes import Bench, bench, comes, newest, pause, terminal_ui, wait_for
 from drivers.canbus.candump import read_candump
 from fidim_lab.data.campaign import read_campaign
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 
 SECONDS = 6.0
 """of a window"""
@@ -67,7 +67,7 @@ def chain(options: argparse.Namespace) -> str:
         made = stack.enter_context(bench(Path(place), options.sync, SECONDS, WINDOWS, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
         process = made.run("run")
-        since = wait_for(folder, Kind.STEP_FINISHED, "Enable", since, process).t
+        since = wait_for(folder, LineKind.STEP_FINISHED, "Enable", since, process).t
         for number in range(options.rounds):
             with terminal_ui(made, "run") if options.ui else ExitStack():
                 pause(rng.uniform(0.3, LONGEST))
@@ -92,7 +92,7 @@ def _resume(made: Bench, folder: Path) -> "tuple[subprocess.Popen[str], float, i
     for tries in range(1, TRIES + 1):
         began = time.monotonic()
         process = made.start("resume", folder)
-        entry = comes(folder, Kind.STEP_FINISHED, "Enable", began, process)
+        entry = comes(folder, LineKind.STEP_FINISHED, "Enable", began, process)
         if entry is not None:
             return process, entry.t - began, tries, entry.t
         print(process.communicate(timeout=60)[0], flush=True)
@@ -104,8 +104,8 @@ def _kill(made: Bench, folder: Path, since: float) -> tuple[float | None, None]:
     at = time.monotonic()
     os.kill(made.service(), signal.SIGKILL)
     pause(0.1)
-    begun = newest(folder, Kind.STEP_STARTED, "Record", since)
-    ended = newest(folder, Kind.STEP_FINISHED, "Record", since)
+    begun = newest(folder, LineKind.STEP_STARTED, "Record", since)
+    ended = newest(folder, LineKind.STEP_FINISHED, "Record", since)
     if begun is None or (ended is not None and ended.number > begun.number):
         return None, None
     rate = made.markers
@@ -140,7 +140,7 @@ def _whole(made: Bench, folder: Path) -> bool:
     return all(rows.get(window) == round(SECONDS * made.markers) + 1 for window in accepted)
 
 
-WINDOW_KEPT = (Kind.STEP_FINISHED, "Accept")
+WINDOW_KEPT = (LineKind.STEP_FINISHED, "Accept")
 
 
 def _chained(rounds: list[Round]) -> str:
@@ -174,7 +174,7 @@ def memory(options: argparse.Namespace) -> str:
         made = stack.enter_context(bench(Path(place), options.sync, 10.0, windows, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
         process = made.run("run")
-        wait_for(folder, Kind.STEP_FINISHED, "Accept", since, process)
+        wait_for(folder, LineKind.STEP_FINISHED, "Accept", since, process)
         if options.ui:
             stack.enter_context(terminal_ui(made, "run"))
         pause(SETTLED)

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.page import table, write_section
 from benchmarks.spoilt.worlds import swung
 from fidim_lab.app.analysis.identify import identify_posed
-from fidim_lab.app.analysis.pose_from import Posed
+from fidim_lab.app.analysis.pose_from import PosedCampaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Survey
 from fidim_lab.errors import FidimError
 
@@ -75,7 +75,7 @@ def run(numbers: Sequence[int], seed: int) -> list[Row]:
         begin = process_time()
         says, ratios = "", np.full(9, np.nan)
         try:
-            result = identify_posed(Posed(made))
+            result = identify_posed(PosedCampaign(made))
             given = result.parameters.values()
             ratios = np.array([(p.value - t) / p.sd if p.seen else np.nan for p, t in zip(given, truth, strict=True)])
             says = "" if result.outcome.good else result.message[:200]

@@ -33,7 +33,7 @@ from fidim_lab.app.service.messages import (
     Welcome,
     WinchState,
 )
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.service.process.hub import Hub
 
 TICK = os.sysconf("SC_CLK_TCK")
@@ -109,7 +109,7 @@ async def measure(seconds: float) -> None:
     clock = LoopClock()
     with tempfile.TemporaryDirectory(prefix="fu") as base:
         os.environ["FIDIM_RUNTIME_DIR"] = base
-        place, folder = Place(Path(base), "x"), Path(base) / "run"
+        place, folder = ServicePlace(Path(base), "x"), Path(base) / "run"
         folder.mkdir()
         greeting = Welcome(
             you=1, run="twelve windows", folder=str(folder), rig="rig", windows=WINDOWS, winches=("winch 1",)

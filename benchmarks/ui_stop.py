@@ -26,7 +26,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import Answer, History, Question, Welcome
-from fidim_lab.app.service.place import CHOSEN, Place
+from fidim_lab.app.service.place import CHOSEN, ServicePlace
 from fidim_lab.app.service.process.hub import Hub
 
 F12, ESCAPE, PALETTE = b"\x1b[24~", b"\x1b", b"\x10"
@@ -108,7 +108,7 @@ async def measure(times: int) -> None:
         runtime.mkdir(mode=0o700)
         folder.mkdir()
         os.environ[CHOSEN] = str(runtime)
-        bench, place = Bench(folder, clock), Place(runtime, "x")
+        bench, place = Bench(folder, clock), ServicePlace(runtime, "x")
         with held(place, folder):
             await bench.hub.listen_unix(place.socket)
             telling = asyncio.ensure_future(bench.tell())

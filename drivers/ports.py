@@ -187,7 +187,7 @@ class Trial(StrEnum):
 
 
 @dataclass(frozen=True)
-class Stop:
+class TrialStop:
     """How a winch should stop in a trial, by its drive's settings."""
 
     reaction: float
@@ -211,7 +211,7 @@ class TrialBench(Protocol):
         """Why this trial cannot be made on this drive, in words; empty where it can."""
         ...
 
-    def stop(self, trial: Trial, speed: float, acceleration: float) -> Stop:
+    def stop(self, trial: Trial, speed: float, acceleration: float) -> TrialStop:
         """The expected result of a trial at this speed (m/s), on a move with this ramp (m/s²)."""
         ...
 

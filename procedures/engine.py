@@ -21,7 +21,7 @@ from procedures.pace import Pace
 from procedures.protocols.listing import Outline
 from procedures.pulse import Pulse
 from procedures.recording.disk import settled
-from procedures.recording.journal import Journal, Kind
+from procedures.recording.journal import Journal, LineKind
 from procedures.recording.journal_data import step_data
 from procedures.recording.ledger import Ledger
 from procedures.settings import GuardSettings
@@ -196,13 +196,13 @@ class Engine:
         details = step.details  # of a motion: must be on the disk before it begins
         name, synced = type(step).__name__, bool(details)
         self._journal.write(
-            Kind.STEP_STARTED, sync=synced, step=name, window=step.window, text=step.text, data=dict(details)
+            LineKind.STEP_STARTED, sync=synced, step=name, window=step.window, text=step.text, data=dict(details)
         )
         self._publish(StepStarted(self._rig.clock.now(), pulse.number, step, left))
 
     def _end(self, step: Step, result: Result) -> None:
         self._journal.write(
-            Kind.STEP_FINISHED,
+            LineKind.STEP_FINISHED,
             step=type(step).__name__,
             window=step.window,
             outcome=result.outcome,
@@ -252,7 +252,7 @@ class Engine:
                 return
             self.pulse.spoiled[step.window] = f"the {trip.guard} guard: {trip.says}"
         if trip.reaction in (Reaction.WARN, Reaction.REJECT_WINDOW):
-            self._journal.write(Kind.WARNED, sync=False, text=trip.guard, reason=trip.says)
+            self._journal.write(LineKind.WARNED, sync=False, text=trip.guard, reason=trip.says)
             self._publish(Warned(trip.t, trip))
             return
         if trip.reaction is Reaction.QUICK_STOP:

@@ -11,7 +11,7 @@ from drivers.ports import DriveState
 from procedures.control import Control, Retried, Skipped, Verb, Word
 from procedures.events import Paused, Publisher, Resumed
 from procedures.handlers.motion import hold
-from procedures.recording.journal import Journal, Kind
+from procedures.recording.journal import Journal, LineKind
 from procedures.stand import Stand
 from procedures.steps import AfterPause, Hold, Lengths, Result, Step, longest_way
 
@@ -84,7 +84,7 @@ class Interruption:
     async def _paused(self, step: Step, word: Word) -> Word:
         """Wait until it may go on; returns the word that ended the pause."""
         places = self._places()
-        self._tell(Kind.PAUSED, Paused, step, word.sentence)
+        self._tell(LineKind.PAUSED, Paused, step, word.sentence)
         while True:
             await self._control.heard()
             word = self._control.take() or word
@@ -92,9 +92,9 @@ class Interruption:
                 return word
             wrong = self._verify(places)
             if not wrong:
-                self._tell(Kind.RESUMED, Resumed, step, word.sentence)
+                self._tell(LineKind.RESUMED, Resumed, step, word.sentence)
                 return word
-            self._tell(Kind.PAUSED, Paused, step, f"still paused: {wrong}")
+            self._tell(LineKind.PAUSED, Paused, step, f"still paused: {wrong}")
 
     def _places(self) -> Lengths | None:
         samples = [winch.latest() for winch in self._stand.rig.winches]
@@ -116,7 +116,7 @@ class Interruption:
                 return f"{winch.name} is {moved:+.1f} mm from where it was held, {MOVED * 1e3:g} mm is allowed"
         return ""
 
-    def _tell(self, kind: Kind, event: type[Paused | Resumed], step: Step, says: str) -> None:
+    def _tell(self, kind: LineKind, event: type[Paused | Resumed], step: Step, says: str) -> None:
         places = self._places()
         data = {} if places is None else {"lengths": [round(length, 6) for length in places]}
         self._journal.write(kind, step=type(step).__name__, window=step.window, text=step.text, reason=says, data=data)

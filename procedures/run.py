@@ -27,7 +27,7 @@ from procedures.outcomes import Outcome
 from procedures.protocols.experiment import Experiment
 from procedures.protocols.listing import Outline
 from procedures.recording.disk import settled
-from procedures.recording.journal import FORMAT, Journal, Kind, WallTime
+from procedures.recording.journal import FORMAT, Journal, LineKind, WallTime
 from procedures.recording.ledger import Ledger
 from procedures.recording.recorder import Recorder, WriteBytes
 from procedures.recording.resumption import Resumption
@@ -162,7 +162,7 @@ class _Run:
             "seconds_between": [round(seconds, 1) for seconds in outline.between],
             "settings": asdict(settings),
         }
-        kind = Kind.RUN_STARTED if self._resumption is None else Kind.CONTINUED
+        kind = LineKind.RUN_STARTED if self._resumption is None else LineKind.CONTINUED
         self._journal.write(kind, text=experiment.name, data=data)
         self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds, outline.between))
         return await self._engine.run(experiment.procedure, stand, handlers, guards, settings.guard)
@@ -210,16 +210,16 @@ class _Run:
         trip = self._engine.pulse.trip
         if trip is not None:
             told = {"guard": trip.guard, "reaction": trip.reaction.value, "at": round(trip.t, 6)}
-            self._journal.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=told)
+            self._journal.write(LineKind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=told)
         outcome = Outcome.PASS if report.held else Outcome.ERROR
         samples = [winch.latest() for winch in self._rig.winches]
         lengths = [round(sample.length, 6) for sample in samples if sample is not None]
         data: dict[str, object] = {"lengths": lengths} if len(lengths) == len(samples) else {}
         data["winches"] = [one.values for one in report.stopped]
-        self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says, data=data)
+        self._journal.write(LineKind.HELD, outcome=outcome, reason=report.held_says, data=data)
         windows = {row.id: row.outcome.value for row in report.windows}
         data = {"windows": windows, "seconds": round(report.seconds, 3)}
-        self._journal.write(Kind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)
+        self._journal.write(LineKind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)
         try:
             await settled(self._disk)
         except HardwareError as error:

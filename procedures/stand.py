@@ -7,7 +7,7 @@ from drivers.disk import InlineDisk
 from drivers.ports import Disk, Prompt, Rig, WinchSample
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import DeviceError
-from procedures.expected.limits import Workspace
+from procedures.expected.limits import RestLimits
 from procedures.expected.nominal_rest import NominalRest
 from procedures.expected.place_check import PlaceHistory
 from procedures.recording.recorder import Recorder
@@ -23,7 +23,7 @@ class Stand:
     rig: Rig
     robot: Robot
     settings: Settings
-    workspace: Workspace
+    workspace: RestLimits
     recorder: Recorder
     folder: RunFolder
     newton_per_ampere: tuple[float, ...]

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.page import ROOT, table
 from benchmarks.rig_processes import Bench, bench, wait_for
 from drivers.canbus.candump import read_candump
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 
 LATE = 0.020
 """s between two SYNCs of 100 Hz: one was left out"""
@@ -110,7 +110,7 @@ def measure(name: str, *, verbose: bool = False) -> Gaps:
         made.further["PYTHONPATH"] = str(measured)
         run = made.run("out", "--tcp", "0")
         out = made.folder / "out"
-        begun = wait_for(out, Kind.STEP_STARTED, "Enable", 0.0, run).t
+        begun = wait_for(out, LineKind.STEP_STARTED, "Enable", 0.0, run).t
         ended = threading.Event()
         worker = threading.Thread(target=strain, args=(made, ended), daemon=True)
         worker.start()

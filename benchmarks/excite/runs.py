@@ -17,9 +17,9 @@ from fidim_lab.identification.excitation.again import may_gain, why_again
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.identified import bodies_of
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.place import Place, inside, wanted_amplitudes
+from fidim_lab.identification.excitation.place import ExcitationPlace, inside, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, planned
-from fidim_lab.identification.excitation.seen import Seen, seen_swing, taught
+from fidim_lab.identification.excitation.seen import SwingOscillations, seen_swing, taught
 from fidim_lab.identification.excitation.strokes import COARSE
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.kinematics import dependent_pose
@@ -87,7 +87,7 @@ Tries = tuple[Try, ...] | str
 class Window:
     """A window with what is the same whoever the hidden body is."""
 
-    place: Place
+    place: ExcitationPlace
     care: float
     """part of its displacement that a hand may give it with the same care as the winches"""
     wanted: np.ndarray
@@ -102,7 +102,7 @@ def window_of(mechanism: Mechanism, z: np.ndarray, part: float = 1.0) -> Window:
     Wanted is this part of that displacement.
     """
     n = mechanism.robot.n
-    there = Place.at(mechanism, z[:n])
+    there = ExcitationPlace.at(mechanism, z[:n])
     low, high = mechanism.robot.limits.tension
     kept, beyond = 0.0, 2.0  # the first that is tried is the whole
     while beyond - kept > LEAST_CARE and kept < 1.0:
@@ -115,7 +115,7 @@ def window_of(mechanism: Mechanism, z: np.ndarray, part: float = 1.0) -> Window:
     return window_at(there, part * care * z[n:], care)
 
 
-def window_at(there: Place, displacement: np.ndarray, care: float = 1.0) -> Window:
+def window_at(there: ExcitationPlace, displacement: np.ndarray, care: float = 1.0) -> Window:
     """A window of a plan with this displacement (m)."""
     wanted = wanted_amplitudes(there, displacement)
     try:
@@ -125,7 +125,7 @@ def window_at(there: Place, displacement: np.ndarray, care: float = 1.0) -> Wind
     return Window(there, care, wanted, first)
 
 
-def _keeps(there: Place, displacement: np.ndarray, tension: tuple[float, float]) -> bool:
+def _keeps(there: ExcitationPlace, displacement: np.ndarray, tension: tuple[float, float]) -> bool:
     """Whether all bodies' tensions stay within these (N) when let go so."""
     mechanism, marker = there.mechanism, there.robot.marker
     lengths, mass = there.equilibrium.lengths, there.robot.mass
@@ -155,7 +155,7 @@ def true_world(
         body = Body(com=com, inertia=inertia)
         if np.linalg.eigvalsh(body.inertia_about_com)[0] > 0:
             break
-    ratios = _damping_by_drag(Place.at(mechanism, lengths, body).swing)
+    ratios = _damping_by_drag(ExcitationPlace.at(mechanism, lengths, body).swing)
     mass = robot.mass * (1 + rng.uniform(-CAD_OFF, CAD_OFF))
     c = float(rng.uniform(*damping) / ratios.max() * mass)
     # friction at the attachments turns against the cables' directions, which move little: n of them drag like one
@@ -187,7 +187,7 @@ def recorded(robot: Robot, found: Swung, name: str, rng: np.random.Generator) ->
     return Recording(name, Role.IDENTIFY, found.t, markers, found.lengths, None)
 
 
-def looked_at(robot: Robot, place: Place, found: Swung, rng: np.random.Generator) -> Seen:
+def looked_at(robot: Robot, place: ExcitationPlace, found: Swung, rng: np.random.Generator) -> SwingOscillations:
     """With the marker's noise, the rest measured before."""
     noise = robot.sensors.marker_noise
     rest = place.equilibrium.marker_position(robot.marker)
@@ -205,7 +205,7 @@ def possible(run: int, window: Window) -> tuple[float, str]:
     rng = np.random.default_rng([run, 7])
     robot, held, mechanism = window.place.robot, window.place.equilibrium.lengths, window.place.mechanism
     world = true_world(robot, rng, held, mechanism)
-    place = Place.at(mechanism, held, world.body)
+    place = ExcitationPlace.at(mechanism, held, world.body)
     keys = dict(world.hidden[0].parameters)
     c = keys.get("c", robot.n * keys.get("viscous", 0.0)) / world.mass
     damping = c * _damping_by_drag(place.swing)
@@ -299,15 +299,15 @@ def tried(
         excitation = again
 
 
-def _as_likely(window: Window, learnt: Learnt) -> Place:
+def _as_likely(window: Window, learnt: Learnt) -> ExcitationPlace:
     """The window's place with the body that is likely."""
     if learnt.knowledge is None:
         return window.place
-    return Place.at(window.place.mechanism, window.place.equilibrium.lengths, learnt.bodies.likely)
+    return ExcitationPlace.at(window.place.mechanism, window.place.equilibrium.lengths, learnt.bodies.likely)
 
 
 def _planned(
-    place: Place, knowledge: Knowledge, bodies: Bodies, wanted: np.ndarray, before: Excitation | None = None
+    place: ExcitationPlace, knowledge: Knowledge, bodies: Bodies, wanted: np.ndarray, before: Excitation | None = None
 ) -> Excitation | None:
     """None where it is refused."""
     try:

@@ -16,7 +16,7 @@ from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.motion import line_of
-from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
@@ -35,7 +35,7 @@ def driven(options: argparse.Namespace) -> str:
     drawn = pool.draw(mechanism, task, max(12, options.runs), np.random.default_rng(5), lambda _: None)
     sums = {name: np.zeros((9, 9)) for name in ("hand", "free", "strokes", "both")}
     for z in drawn.z[: options.runs]:
-        place_ = Place.at(mechanism, z[: robot.n])
+        place_ = ExcitationPlace.at(mechanism, z[: robot.n])
         wanted = wanted_amplitudes(place_, z[robot.n :])
         none = Knowledge(*np.array([[0.0], [1.0], [1.0], [0.0]]) * np.ones(len(wanted)))
         excitation = planned(place_, wanted, none, LIMITS, Bodies.around(robot.nominal).others)
@@ -70,7 +70,7 @@ def _by_strokes(
     """Information of the strokes and of strokes with 10 s of free motion, the held lengths eliminated."""
     line = line_of(excitation.chains, 10.0)
     accelerations = line.accelerations(np.array([chain.direction for chain in excitation.chains]))[np.newaxis]
-    near = Place.at(mechanism, held).equilibrium.pose
+    near = ExcitationPlace.at(mechanism, held).equilibrium.pose
 
     def marker(x: np.ndarray) -> np.ndarray:
         body = Body.from_vector(x[:9])

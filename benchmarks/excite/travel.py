@@ -12,7 +12,7 @@ from benchmarks.excite.runs import true_world
 from benchmarks.page import table
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.travel import Trapezoid, Travel, travel, travelled
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.model.mechanism import Mechanism
@@ -41,7 +41,7 @@ class Moved:
     """N on the way"""
 
 
-def moved(world: World, places: tuple[Place, Place], move: Travel, tolerance: float) -> Moved:
+def moved(world: World, places: tuple[ExcitationPlace, ExcitationPlace], move: Travel, tolerance: float) -> Moved:
     """A move from rest on a body that the planner does not know. tolerance: m, about the rest."""
     start, goal = (place.equilibrium.lengths for place in places)
     plant = Plant(world)
@@ -74,7 +74,7 @@ def travels(options: argparse.Namespace) -> str:
     robot = read_robot(PAPERS_ROBOT)
     mechanism = Mechanism(robot, native=True)
     drawn = [window.lengths for window in random_plan(robot, "travel", PLACES, 0, SEED).windows]
-    places = [Place.at(mechanism, lengths) for lengths in drawn]
+    places = [ExcitationPlace.at(mechanism, lengths) for lengths in drawn]
     hand, excite = MotionSettings(), ExciteSettings()
     kinds = {
         "as by hand": lambda a, b: travelled(a, b, hand.speed, hand.acceleration),

@@ -17,7 +17,7 @@ from fidim_lab.data.records import PlannedWindow
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.design import pool
 from fidim_lab.identification.design.task import DesignTask
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.model.mechanism import Mechanism
 
 WINDOWS = 30
@@ -91,7 +91,7 @@ def window_by_winches(number: int) -> Window:
     """A window of all plans."""
     windows = [window for seed in SEEDS for window in planned_by_winches(seed)]
     window = windows[number % len(windows)]
-    return window_at(Place.at(_mechanism(), np.asarray(window.lengths)), np.asarray(window.displacement))
+    return window_at(ExcitationPlace.at(_mechanism(), np.asarray(window.lengths)), np.asarray(window.displacement))
 
 
 def designed_numbered(run: int) -> Tries:

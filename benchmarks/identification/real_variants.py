@@ -20,7 +20,7 @@ from benchmarks.identification.real import imported
 from benchmarks.page import table, write_section
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.calibration.stretch import Stretch, seen_stretch
+from fidim_lab.identification.calibration.stretch import ElasticStretch, seen_stretch
 from fidim_lab.identification.mle import soft
 
 TITLE = "The real recording: what the answer hangs on"
@@ -36,7 +36,7 @@ def variants() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "softness from 40 µm/N instead of statics", {"seen_stretch": lambda *_: None, "SOFTNESS": (4e-5, 4e-6)}
 
 
-def _exact(robot: Robot, windows: Sequence[Window]) -> Stretch | None:
+def _exact(robot: Robot, windows: Sequence[Window]) -> ElasticStretch | None:
     """What stretch does not explain of the lengths is not in the load cells."""
     found = seen_stretch(robot, windows)
     return None if found is None else replace(found, explained=1.0)

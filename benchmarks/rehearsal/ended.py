@@ -19,7 +19,7 @@ from fidim_lab.data.files.mcap_file import read_mcap
 from procedures.events import Event, RunFinished, Tripped
 from procedures.guards.guard import Trip
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Entry, Kind, read_journal
+from procedures.recording.journal import Entry, LineKind, read_journal
 from procedures.report import RunReport
 from sim_backends.drive.axis.machine import State
 from sim_backends.drive.node import SimulatedDrive
@@ -105,10 +105,10 @@ class Ended:
 
     def _check_journal(self, report: RunReport) -> None:
         held, finished = self.journal[-2:]
-        assert (held.kind, finished.kind) == (Kind.HELD, Kind.RUN_FINISHED)
+        assert (held.kind, finished.kind) == (LineKind.HELD, LineKind.RUN_FINISHED)
         assert (finished.outcome, finished.reason) == (report.outcome, report.reason)
         assert (held.outcome, held.reason) == (Outcome.PASS if report.held else Outcome.ERROR, report.held_says)
-        assert (self.trip is None) == (not [e for e in self.journal if e.kind is Kind.TRIPPED])
+        assert (self.trip is None) == (not [e for e in self.journal if e.kind is LineKind.TRIPPED])
 
     def _check_folder(self, report: RunReport, *, part: bool, opened: bool) -> None:
         """Accepted windows are whole and listed, the others are kept, nothing is spliced, nothing is missing."""

@@ -10,7 +10,7 @@ from fidim_lab.api.shown import as_text
 from fidim_lab.data.records import Body, Plan
 from fidim_lab.identification.cross_validation import CrossValidation
 from fidim_lab.identification.design.search import Design
-from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.result import IdentificationResult, ResultOutcome
 from fidim_lab.identification.results.result_file import write_result
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, write_explanation
 
@@ -28,7 +28,7 @@ class Identified:
         return self.result.outcome.answers and not self.result.fallback
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> ResultOutcome:
         """How it ended; its value is a sentence."""
         return self.result.outcome
 

@@ -8,7 +8,7 @@ from fidim_lab.api.answers import Designed, Explained, Identified, Validated
 from fidim_lab.api.as_command import as_command
 from fidim_lab.api.inputs import Campaign, Robot
 from fidim_lab.app.analysis.identify import identify_posed
-from fidim_lab.app.analysis.pose_from import Posed, read_posed
+from fidim_lab.app.analysis.pose_from import PosedCampaign, read_posed
 from fidim_lab.app.analysis.validate import LIMIT, run_validate, sigma_of
 from fidim_lab.app.report.contents.explanation_file import as_file
 from fidim_lab.app.report.contents.found_model import read_found
@@ -52,7 +52,7 @@ def identify(
     if isinstance(campaign, records.Campaign):
         if source is not PoseSource.MOCAP:
             raise SetupError(f"pose_from={pose_from!r} takes the folder of a campaign, not one in memory.")
-        posed = Posed(_with_windows(campaign))
+        posed = PosedCampaign(_with_windows(campaign))
     else:
         posed = read_posed(_folder(campaign), source)
     if paper and method not in (None, Method.TLS):

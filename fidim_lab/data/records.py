@@ -34,7 +34,7 @@ class Cable:
 
 
 @dataclass(frozen=True)
-class Winch:
+class WinchTorque:
     """What turns a motor current into a cable tension."""
 
     drum_radius: float
@@ -161,7 +161,7 @@ class Robot:
     gravity: Vector3 = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
     limits: Limits = Limits()
     sensors: Sensors = Sensors()
-    winches: tuple[Winch, ...] | None = None
+    winches: tuple[WinchTorque, ...] | None = None
     """one for each cable; None where the robot file has no [winch]"""
     survey: Survey | None = None
     """how well the geometry is known; None where the robot file does not say"""

@@ -9,7 +9,7 @@ import tomli_w
 from pydantic import Field, model_validator
 
 from fidim_lab.data.files.toml_file import NotNegative, Positive, Table, read_toml
-from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Survey, Winch
+from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Survey, WinchTorque
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-robot/1"
@@ -179,7 +179,7 @@ def _robot(table: RobotTable) -> Robot:
         gravity=np.array(table.gravity),
         limits=Limits(table.limits.tension, table.limits.free_displacement),
         sensors=Sensors(table.sensors.marker_noise, table.sensors.encoder_resolution),
-        winches=None if winches is None else tuple(Winch(**w.model_dump()) for w in winches),
+        winches=None if winches is None else tuple(WinchTorque(**w.model_dump()) for w in winches),
         survey=_survey(table),
     )
 

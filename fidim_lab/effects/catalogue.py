@@ -38,7 +38,7 @@ from fidim_lab.effects.loads.frame_sway import FrameSway, FrameSwayOwnPhase
 from fidim_lab.effects.loads.loose_mass import LooseMass, LooseMassOnAxis
 from fidim_lab.effects.loads.periodic_force import PeriodicForce, PeriodicForceOwnPhase
 from fidim_lab.effects.loads.umbilical import Umbilical, UmbilicalWithRest
-from fidim_lab.effects.without_term import HandContact, SensorFault, Unknown
+from fidim_lab.effects.without_term import HandContact, SensorFault, UnknownEffect
 from fidim_lab.errors import SetupError
 
 Maker = Callable[[Robot], Iterable[NamedEffect]]
@@ -108,7 +108,7 @@ _MAKERS: tuple[Maker, ...] = (
     _once(FrameSway, FrameSwayOwnPhase),
     _once(HandContact),
     _once(SensorFault),
-    _once(Unknown),
+    _once(UnknownEffect),
 )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Kind(StrEnum):
+class Likeness(StrEnum):
     """How alike two effects are."""
 
     CONTAINED = "the first can do exactly what the others do, and more"
@@ -23,7 +23,7 @@ class Equivalence:
     """A set of effects, by id, that stand for each other."""
 
     ids: tuple[str, ...]
-    kind: Kind
+    kind: Likeness
     why: str
     separate: str
     """what experiment separates them"""
@@ -34,114 +34,114 @@ class Equivalence:
 EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("constant-force", "gravity-tilt"),
-        Kind.CONTAINED,
+        Likeness.CONTAINED,
         "gravity turned by small angles is a steady horizontal force m g × angle at the centre of mass",
         "carry a known payload: a tilt's force grows with the mass, a draught's does not; or use a spirit level",
     ),
     Equivalence(
         ("constant-force", "clock-rate"),
-        Kind.CONTAINED,
+        Likeness.CONTAINED,
         "free of friction, a clock fast by r shows motion under gravity g/(1 + r)²: an upward force of about 2 r m g; "
         "so do another gravity and mass added at the centre of mass",
         "compare the clocks over minutes, or excite what does not scale with gravity (friction, stretch)",
     ),
     Equivalence(
         ("constant-force", "body-force"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "a platform that keeps upright hardly turns a force of its own against one of the room",
         "windows at other headings, or with the fan switched off",
     ),
     Equivalence(
         ("frame-sway", "periodic-force"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "a frame that moves by u pushes the platform with −m ü like a force; only what the cameras see of u itself "
         "differs, and not even that where they stand on the frame",
         "put a marker on the frame",
     ),
     Equivalence(
         ("cable-elasticity", "winch-hold-compliance"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "stretch in a cable and in what holds it move the platform alike; the encoder sees the latter alone",
         "look at the encoders during the motion, or compare long cables with short ones",
     ),
     Equivalence(
         ("cable-elasticity", "frame-compliance"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "a cable does not show whether it gives way itself or its post; posts do less for steep cables",
         "put a marker on a pulley, or compare equilibria under steep cables with those under flat ones",
     ),
     Equivalence(
         ("time-offset",),
-        Kind.GAUGE,
+        Likeness.GAUGE,
         "with locked motors every window's start state takes up a shift of time; only what depends on absolute time "
         "(motor currents, creep, a periodic force in phase) sees it",
         "record motor currents, or a sync pulse",
     ),
     Equivalence(
         ("attachment-offset", "marker-offset"),
-        Kind.GAUGE,
+        Likeness.GAUGE,
         "all attachments, all markers and the centre of mass moved alike in the body move nothing in the world: three "
         "of the parameters of all attachments together; six with the marker's offset",
         "measure one attachment against the marker",
     ),
     Equivalence(
         ("anchor-offset", "frame-misalignment"),
-        Kind.GAUGE,
+        Likeness.GAUGE,
         "all anchors moved or turned about the vertical together are the motion capture's frame moved the other way; "
         "with gravity-tilt about any axis",
         "measure one anchor in the motion capture's frame",
     ),
     Equivalence(
         ("anchor-offset", "cable-length-bias"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "an anchor that moves along its cable is a longer cable",
         "more equilibria, in which that cable points elsewhere",
         share=0.9995,
     ),
     Equivalence(
         ("anchor-offset", "pulley-radius"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "a larger pulley moves the point where its cable leaves",
         "more equilibria with other wrap angles",
         share=0.9995,
     ),
     Equivalence(
         ("rotational-drag", "swivel-damping"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "near one equilibrium the platform's rotation and its swivels' are the same few freedoms",
         "equilibria far apart; turn a swivel by hand and time how it stops",
         share=0.97,
     ),
     Equivalence(
         ("swivel-friction", "swivel-damping"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "dry and viscous friction take the same energy at one amplitude",
         "let small and large swings decay",
         share=0.946,
     ),
     Equivalence(
         ("attachment-friction", "swivel-friction"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "near one equilibrium cables turn in their attachments as their swivels turn: both take energy from rotation",
         "read swivel encoders: friction there makes a swivel lag behind its cable",
     ),
     Equivalence(
         ("attachment-friction", "rotational-drag", "rotational-drag-quadratic"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "all take energy from the platform's rotation; they differ in how that goes with its rate and its axis",
         "let it turn about each body axis by itself, at two sizes: dry friction damps the small swing more, drag alike "
         "or less",
     ),
     Equivalence(
         ("air-drag-linear", "pulley-friction"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "near one equilibrium speed of the centre of mass and wrap rates are the same few freedoms",
         "equilibria far apart",
         share=0.944,
     ),
     Equivalence(
         ("swivel-inertia", "cable-mass"),
-        Kind.NEAR,
+        Likeness.NEAR,
         "inertia on the cables' angles is taken up by the body's inertia, at the price of wrong values",
         "equilibria far apart: the body's inertia is the same everywhere, the swivels' lever is not",
     ),
@@ -188,7 +188,7 @@ WIDER: Mapping[str, tuple[str, ...]] = {
 
 def holds_others(id: str) -> bool:
     """Whether an effect can do exactly what some other one does, so that no free motion ever proves it alone."""
-    return any(one.kind is Kind.CONTAINED and one.ids[0] == id for one in EQUIVALENCES)
+    return any(one.kind is Likeness.CONTAINED and one.ids[0] == id for one in EQUIVALENCES)
 
 
 def shared_by(ids: Iterable[str]) -> str | None:

@@ -25,7 +25,7 @@ class SensorFault(NamedEffect):
 
 
 @dataclass(frozen=True)
-class Unknown(NamedEffect):
+class UnknownEffect(NamedEffect):
     """Something real that no effect here explains: typed by generic functions of position, velocity and time."""
 
     id: ClassVar[str] = "unknown"

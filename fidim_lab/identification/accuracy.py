@@ -12,7 +12,7 @@ from fidim_lab.identification.results.validation import QUICK
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownAccuracy:
     """Largest standard deviations, each the larger of the stated one and the spread between windows."""
 
     windows: int
@@ -24,21 +24,21 @@ class Known:
     """why nothing is known"""
 
 
-def accuracy_of(folder: Path) -> Known:
+def accuracy_of(folder: Path) -> KnownAccuracy:
     """Identify the campaign in a folder by maximum likelihood and say how well it is known. Never raises FidimError."""
     count = 0
     try:
         campaign = read_campaign(folder)
         count = len(campaign.of_role(Role.IDENTIFY))
         if count < Accuracy.FEWEST:
-            return Known(count, problem=f"{count} windows, {Accuracy.FEWEST} are needed")
+            return KnownAccuracy(count, problem=f"{count} windows, {Accuracy.FEWEST} are needed")
         found = identify(campaign, Method.MLE, checks=QUICK)
     except FidimError as error:
-        return Known(count, problem=error.message)
+        return KnownAccuracy(count, problem=error.message)
     if not found.outcome.good:  # small standard deviations of a wrong model say nothing
-        return Known(count, problem=found.outcome.value)
+        return KnownAccuracy(count, problem=found.outcome.value)
     sds = {name: max(one.sd, one.spread or 0.0) for name, one in found.parameters.items()}
-    return Known(
+    return KnownAccuracy(
         count,
         max(sd for name, sd in sds.items() if name.startswith("s_")),
         max(sd for name, sd in sds.items() if name.startswith("I_")),

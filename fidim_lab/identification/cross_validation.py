@@ -51,7 +51,7 @@ class Rule:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedWindow:
     """One window, with nothing but its initial state fitted."""
 
     id: str
@@ -75,16 +75,16 @@ class Judged:
 class CrossValidation:
     """The verdict on one set of parameters."""
 
-    windows: tuple[Judged, ...]
+    windows: tuple[JudgedWindow, ...]
     rule: Rule
 
     @property
-    def judged(self) -> tuple[Judged, ...]:
+    def judged(self) -> tuple[JudgedWindow, ...]:
         """Windows that could be judged."""
         return tuple(w for w in self.windows if w.predicted is not None)
 
     @property
-    def failed(self) -> tuple[Judged, ...]:
+    def failed(self) -> tuple[JudgedWindow, ...]:
         """Windows that the parameters do not predict."""
         return tuple(w for w in self.windows if w.predicted is False)
 
@@ -170,7 +170,7 @@ class _Judge:
         self._mechanism = mechanism
         self._shared = np.concatenate([body.vector, mechanism.theta])
 
-    def window(self, window: Window) -> Judged:
+    def window(self, window: Window) -> JudgedWindow:
         """The verdict on one window; one that cannot be used is not a failed one."""
         sigma, expected, none = self._by_equations(window)
         troubles: list[str] = []
@@ -189,7 +189,7 @@ class _Judge:
             predicted, troubles = None, [*troubles, *([bare(window.id, none)] if none else [])]
         else:  # without lengths nothing can be simulated; with them, that it cannot be is the verdict
             predicted = window.lengths is None and not remarks
-        return Judged(
+        return JudgedWindow(
             window.id,
             window.role,
             predicted,

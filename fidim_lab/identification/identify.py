@@ -20,7 +20,12 @@ from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.input_check import check
 from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.motion.recipe import BEST, Recipe
-from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.result import (
+    IdentificationResult,
+    InertialParameter,
+    ResultOutcome,
+    WindowVerdict,
+)
 from fidim_lab.identification.results.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
 from fidim_lab.identification.two_clocks import by_both, two_clocks
 
@@ -97,11 +102,11 @@ def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Ch
     )
 
 
-def _parameters(problem: Problem, estimate: Estimate) -> dict[str, Parameter]:
+def _parameters(problem: Problem, estimate: Estimate) -> dict[str, InertialParameter]:
     nominal = problem.campaign.robot.nominal.vector
     jackknife = None if estimate.leave_one_out is None else jackknife_sd(estimate.leave_one_out)
     return {
-        name: Parameter(
+        name: InertialParameter(
             value=float(estimate.values[k]),
             sd=float(estimate.sd[k]),
             sd_bootstrap=_entry(estimate.sd_bootstrap, k),
@@ -117,12 +122,12 @@ def _entry(values: np.ndarray | None, k: int) -> float | None:
     return None if values is None else float(values[k])
 
 
-def _outcome(estimate: Estimate) -> Outcome:
+def _outcome(estimate: Estimate) -> ResultOutcome:
     if not consistency.can_move(estimate.body):
-        return Outcome.IMPOSSIBLE_BODY
+        return ResultOutcome.IMPOSSIBLE_BODY
     if _lacks_something(estimate):
-        return Outcome.MISFIT
-    return Outcome.DOUBTFUL if _doubtful(estimate) else Outcome.CONVERGED
+        return ResultOutcome.MISFIT
+    return ResultOutcome.DOUBTFUL if _doubtful(estimate) else ResultOutcome.CONVERGED
 
 
 def _lacks_something(estimate: Estimate) -> bool:
@@ -148,7 +153,7 @@ def _doubtful(estimate: Estimate) -> tuple[str, ...]:
     return tuple(n for n in PARAMETER_NAMES if n in by_spread or n in estimate.doubtful)
 
 
-def _message(outcome: Outcome, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> str:
+def _message(outcome: ResultOutcome, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> str:
     used = were_used(w.id for w in windows if w.used and w.role is Role.IDENTIFY)
     parts = [outcome.value, consistency.sentence(estimate.body), f"{used}."]
     if doubtful := _doubtful(estimate):

@@ -31,7 +31,7 @@ Regressor = Float[np.ndarray, "N free 10"]
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class TakesIdentified:
     """Total least squares on some takes."""
 
     solution: tls.TlsSolution
@@ -71,13 +71,13 @@ def free_pose(mechanism: Mechanism, take: Processed) -> tuple[Regressor, float]:
     return regressor, float(conditioning(xi, selector).max())
 
 
-def by_full_pose(robot: Robot, takes: Sequence[Processed], samples: int | None = None) -> Identified:
+def by_full_pose(robot: Robot, takes: Sequence[Processed], samples: int | None = None) -> TakesIdentified:
     """Eq. 47: so many samples of every take, or all. Raises RefusedError where they do not identify a body."""
     mechanism = Mechanism(robot)
     return _solved({take.number: _decimated(full_pose(mechanism, take), samples) for take in takes}, {})
 
 
-def by_free_coordinates(robot: Robot, takes: Sequence[Processed]) -> Identified:
+def by_free_coordinates(robot: Robot, takes: Sequence[Processed]) -> TakesIdentified:
     """Eq. 46: 100 samples of each take in which x and y determine the pose. Raises RefusedError as `by_full_pose`."""
     mechanism = Mechanism(robot)
     used: dict[int, Regressor] = {}
@@ -99,9 +99,9 @@ def _decimated(regressor: Regressor, samples: int | None) -> Regressor:
     return regressor if samples is None else regressor[:: max(1, len(regressor) // samples)][:samples]
 
 
-def _solved(used: Mapping[int, Regressor], left_out: Mapping[int, str]) -> Identified:
+def _solved(used: Mapping[int, Regressor], left_out: Mapping[int, str]) -> TakesIdentified:
     stacked = np.concatenate([np.zeros((0, 10)), *(each.reshape(-1, 10) for each in used.values())])
-    return Identified(tls.solve(tls.compress(stacked), rows=len(stacked)), tuple(used), left_out)
+    return TakesIdentified(tls.solve(tls.compress(stacked), rows=len(stacked)), tuple(used), left_out)
 
 
 @dataclass(frozen=True, eq=False)

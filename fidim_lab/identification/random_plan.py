@@ -36,7 +36,7 @@ HORIZONS = (2.0, np.inf)
 """s of motion that are looked at: most of the unsuitable ones show in the first swings"""
 
 
-class Refusal(StrEnum):
+class PlaceRefusal(StrEnum):
     """Why a drawn place is not used."""
 
     NO_REST = "the platform cannot rest there"
@@ -106,12 +106,12 @@ def random_plan(
     search = _Search(robot, taste, np.random.default_rng([seed, 2]))
     wanted = equilibria + validation
     found: list[_Candidate] = []
-    refusals: Counter[Refusal] = Counter()
+    refusals: Counter[PlaceRefusal] = Counter()
     for _ in range(DRAWS_FOR_EACH * wanted):
         drawn = search.draw(found)
         if isinstance(drawn, _Candidate) and trial is not None and not trial(*drawn):
-            drawn = Refusal.TRIAL
-        if isinstance(drawn, Refusal):
+            drawn = PlaceRefusal.TRIAL
+        if isinstance(drawn, PlaceRefusal):
             refusals[drawn] += 1
             if not found and refusals.total() >= DRAWS_FOR_FIRST:
                 break
@@ -144,38 +144,38 @@ class _Search:
         self._mechanism = Mechanism(robot)
         self._workspace = Workspace(robot)
 
-    def draw(self, found: list[_Candidate]) -> _Candidate | Refusal:
+    def draw(self, found: list[_Candidate]) -> _Candidate | PlaceRefusal:
         """A place and a displacement that pass, apart from those found, or why not."""
         # Every draw takes the same numbers from the generator whatever becomes of it, so plans change little.
         aside, depth = self._rng.uniform(-1.0, 1.0, 3), self._rng.uniform(*self._taste.depth)
         angle = self._rng.uniform(-np.pi, np.pi)
         rest = self._rest(aside * self._taste.inside, depth)
-        if isinstance(rest, Refusal):
+        if isinstance(rest, PlaceRefusal):
             return rest
         place = rest.marker_position(self._robot.marker)
         apart = self._taste.apart * self._workspace.scale
         if any(np.linalg.norm(place - other.place) < apart for other in found):
-            return Refusal.NEAR
+            return PlaceRefusal.NEAR
         direction = self._direction(rest.pose, angle)
         for amplitude in self._taste.amplitudes:
             if self._swings_well(rest, place, amplitude * direction):
                 return _Candidate(place, rest.lengths, amplitude * direction)
-        return Refusal.SWING
+        return PlaceRefusal.SWING
 
-    def _rest(self, aside: Vector3, depth: float) -> Equilibrium | Refusal:
+    def _rest(self, aside: Vector3, depth: float) -> Equilibrium | PlaceRefusal:
         robot, taste = self._robot, self._taste
         try:
             equilibrium = rest_near(self._mechanism, self._workspace.place(aside, depth))
         except InfeasibleError:
-            return Refusal.NO_REST
+            return PlaceRefusal.NO_REST
         tension = equilibrium.tensions_in_newton(robot.mass)
         low, high = robot.limits.tension
         margin = taste.rest_margin
         if tension.min() < (1.0 + margin) * low or tension.max() > (1.0 - margin) * high:
-            return Refusal.TENSION
+            return PlaceRefusal.TENSION
         pose = equilibrium.pose
         worst = self._conditionings(pose.position[np.newaxis], pose.rotation[np.newaxis])[0]
-        return equilibrium if worst < taste.conditioning else Refusal.CONDITIONING
+        return equilibrium if worst < taste.conditioning else PlaceRefusal.CONDITIONING
 
     def _direction(self, pose: Pose, angle: float) -> np.ndarray:
         """The unit vector (x, y) of the displacement: at this angle, or the only way where there is one freedom."""

@@ -57,7 +57,7 @@ class OptimisedWindow:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class IdentifiedRun:
     """One identification."""
 
     values: np.ndarray
@@ -88,15 +88,15 @@ class Reading:
 class Places:
     """The four identifications from one set of twelve windows; a sentence where one was refused."""
 
-    free: Reading | str
+    free: IdentifiedRun | str
     """the paper's form, x and y of one marker (Eq. 46)"""
-    full: Reading | str
+    full: IdentifiedRun | str
     """the paper's form, full pose (Eq. 47)"""
-    ours: Reading | str
+    ours: IdentifiedRun | str
     """our weights and filters, one marker"""
-    noise_free: Reading | str
+    noise_free: IdentifiedRun | str
     """`free` without any sensor noise: what the method alone misses"""
-    noise_free_tidy: Reading | str
+    noise_free_tidy: IdentifiedRun | str
     """the same with `TIDY`: without what the ends and plain differences add"""
 
 
@@ -108,7 +108,7 @@ class Reproduction:
     cost: float
     """C of the optimised windows without noise"""
     table2: Places
-    full_without: Reading | str
+    full_without: IdentifiedRun | str
     """Table 2's full pose without the windows in which x, y are hopeless"""
     random: Places
     sigma_perps: dict[str, float]
@@ -123,7 +123,7 @@ class Reproduction:
         """Optimised windows at which x, y are hopeless free coordinates, at rest."""
         return hopeless(self.optimised)
 
-    def columns(self, equation: int) -> dict[str, Reading | str]:
+    def columns(self, equation: int) -> dict[str, IdentifiedRun | str]:
         """The identifications beside Eq. 46 or Eq. 47."""
         if equation == 46:
             return {
@@ -182,7 +182,7 @@ def cost(windows: Sequence[OptimisedWindow]) -> float:
     return float((s[0] + 1) / s[8])
 
 
-def read(campaign: Campaign, recipe: Recipe, without: Sequence[str] = ()) -> Reading | str:
+def read(campaign: Campaign, recipe: Recipe, without: Sequence[str] = ()) -> IdentifiedRun | str:
     """Total least squares on the `identify` windows; the reason, as a sentence, where that is refused."""
     windows = [w for w in campaign.of_role(Role.IDENTIFY) if w.id not in without]
     try:
@@ -191,7 +191,7 @@ def read(campaign: Campaign, recipe: Recipe, without: Sequence[str] = ()) -> Rea
     except FidimError as error:
         return str(error)
     percent = 100 * found.sd / np.abs(found.values)
-    return Reading(found.values, percent, found.sigma_W or 0.0, found.C or 0.0, *_windows_of(problem))
+    return IdentifiedRun(found.values, percent, found.sigma_W or 0.0, found.C or 0.0, *_windows_of(problem))
 
 
 def _windows_of(problem: Problem) -> tuple[tuple[str, ...], dict[str, str]]:

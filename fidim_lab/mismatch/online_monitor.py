@@ -18,10 +18,10 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.held_out import Prediction, predict_all
+from fidim_lab.identification.mle.held_out import HeldOutPrediction, predict_all
 from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.identification.mle.trajectories.optimise import optimise
-from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.identification.mle.trajectories.stages import Journey
 from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.fitting.baseline import context_of, ready
@@ -179,7 +179,7 @@ def extended(found: Fit, windows: Sequence[Window], seconds: float | None) -> Fi
     seconds: as far as windows are looked at; None: whole. Windows that cannot be used are left out.
     """
     mechanism = found.likelihood.mechanism
-    recordings: list[Recording] = []
+    recordings: list[FollowedSamples] = []
     for window in windows:
         try:
             recording = prepare(window, mechanism.robot)
@@ -187,7 +187,7 @@ def extended(found: Fit, windows: Sequence[Window], seconds: float | None) -> Fi
             continue
         recordings.append(recording if seconds is None else recording.until(seconds))
     predicted = predict_all(mechanism, found.values, recordings, mechanism.robot.sensors)
-    usable = [(r, p) for r, p in zip(recordings, predicted, strict=True) if isinstance(p, Prediction)]
+    usable = [(r, p) for r, p in zip(recordings, predicted, strict=True) if isinstance(p, HeldOutPrediction)]
     if not usable:
         return found
     states = [p.journey.optimum.point.states.of(np.array([p.place])) for _, p in usable]

@@ -4,6 +4,6 @@ In: a robot, settings, cable lengths (m). Out: violations, markers at rest (m), 
 """
 
 from procedures.expected.nominal_rest import NominalRest
-from procedures.expected.place_check import PlaceHistory, Seen, place_measurements
+from procedures.expected.place_check import PlaceHistory, SeenAtRest, place_measurements
 
-__all__ = ["NominalRest", "PlaceHistory", "Seen", "place_measurements"]
+__all__ = ["NominalRest", "PlaceHistory", "SeenAtRest", "place_measurements"]

@@ -1,6 +1,6 @@
 """The check before any motion: every equilibrium, and every move between, against the limits, by the nominal model.
 
-`Workspace` answers for lengths; `check_moves` reads the steps of a procedure; `find_route` leads around forbidden ways
+`RestLimits` answers for lengths; `check_moves` reads the steps of a procedure; `find_route` leads around forbidden ways
 by way of lengths that are known to be safe.
 """
 
@@ -40,7 +40,7 @@ class Violation:
     """a sentence without its full stop"""
 
 
-class Workspace:
+class RestLimits:
     """Where the robot may be at rest: tensions by the nominal model and cable lengths within limits.
 
     Answers are remembered: plans, routes and the run ask the same questions.
@@ -108,7 +108,7 @@ class Workspace:
 def check_moves(
     steps: Iterable[Step],
     robot: Robot,
-    workspace: Workspace,
+    workspace: RestLimits,
     motion: MotionSettings | None = None,
     own: Path | None = None,
 ) -> None:
@@ -151,7 +151,7 @@ def _refuse(found: Sequence[str], own: Path | None = None) -> None:
     )
 
 
-def _wrong(step: Step, robot: Robot, workspace: Workspace) -> list[Violation]:
+def _wrong(step: Step, robot: Robot, workspace: RestLimits) -> list[Violation]:
     match step:
         case MoveTo():
             wrong = [workspace.at(step.lengths)]
@@ -193,7 +193,7 @@ def _too_far(displacement: Sequence[float], robot: Robot) -> list[Violation]:
 
 
 def find_route(
-    workspace: Workspace, start: Lengths, goal: Lengths, via: Callable[[], Sequence[Lengths]]
+    workspace: RestLimits, start: Lengths, goal: Lengths, via: Callable[[], Sequence[Lengths]]
 ) -> tuple[Lengths, ...]:
     """The shortest safe way from `start` to `goal`: straight where allowed, else by way of some of `via`.
 

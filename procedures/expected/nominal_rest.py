@@ -14,7 +14,7 @@ from procedures.steps import Lengths
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
+class ExpectedRest:
     """The platform at rest, by the robot file's geometry, nominal body and mass."""
 
     marker: Vector3
@@ -30,14 +30,14 @@ class NominalRest:
         self.n = robot.n
         self._robot = robot
         self._mechanism = Mechanism(robot)
-        self._known: dict[Lengths, Rest] = {}
+        self._known: dict[Lengths, ExpectedRest] = {}
 
-    def at(self, lengths: Lengths) -> Rest:
+    def at(self, lengths: Lengths) -> ExpectedRest:
         """The rest at these lengths. Raises InfeasibleError where the platform cannot rest."""
         if lengths not in self._known:
             found = self._equilibrium(lengths)
             marker = found.pose.position + found.pose.rotation @ self._robot.marker
-            self._known[lengths] = Rest(marker, found.tensions_in_newton(self._robot.mass))
+            self._known[lengths] = ExpectedRest(marker, found.tensions_in_newton(self._robot.mass))
         return self._known[lengths]
 
     def frequencies(self, lengths: Lengths) -> Float[np.ndarray, " free"]:
@@ -58,5 +58,5 @@ class NominalRest:
         return pose_from_lengths(self._mechanism, self._robot.nominal, np.array(lengths))
 
     def tensions(self, lengths: PerCable) -> PerCable:
-        """Tensions (N) at rest, as `limits.Workspace` asks for them. Raises InfeasibleError."""
+        """Tensions (N) at rest, as `limits.RestLimits` asks for them. Raises InfeasibleError."""
         return self.at(tuple(float(length) for length in lengths)).tensions

@@ -12,7 +12,7 @@ import numpy as np
 
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.errors import InfeasibleError
-from procedures.expected.nominal_rest import NominalRest, Rest
+from procedures.expected.nominal_rest import ExpectedRest, NominalRest
 from procedures.outcomes import Measurement
 from procedures.settings import PlaceSettings
 from procedures.steps import Lengths, longest_way
@@ -27,7 +27,7 @@ AXES = {"y and z": (0, 2, 1), "x and y": (1, 0, 2), "x and z": (2, 1, 0)}
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SeenAtRest:
     """Measurements while the platform rested."""
 
     lengths: Lengths
@@ -40,13 +40,13 @@ class PlaceHistory:
     """Where the marker was off at the last place, and what was accepted since: set by each comparison of a run."""
 
     def __init__(self) -> None:
-        self.last: tuple[Seen, Vector3] | None = None
+        self.last: tuple[SeenAtRest, Vector3] | None = None
         self.windows: list[str] = []
         """accepted since then: what has changed may have changed in them"""
 
 
 def place_measurements(
-    rest: NominalRest, seen: Seen, history: PlaceHistory, settings: PlaceSettings
+    rest: NominalRest, seen: SeenAtRest, history: PlaceHistory, settings: PlaceSettings
 ) -> tuple[tuple[Measurement, ...], str]:
     """How far the marker is from where the lengths put it, and how much that has changed since the place before.
 
@@ -74,7 +74,7 @@ def place_measurements(
     return tuple(found), says
 
 
-def causes(rest: NominalRest, seen: Seen, off: Vector3) -> str:
+def causes(rest: NominalRest, seen: SeenAtRest, off: Vector3) -> str:
     """What alone would put the marker off (m) like this, in words: a cable, all lengths, exchanged axes, an origin."""
     here = rest.at(seen.lengths)
     found = [says for says, left in _causes(rest, seen, here, off) if left <= max(LIKE * np.linalg.norm(off), NEAR)]
@@ -83,7 +83,7 @@ def causes(rest: NominalRest, seen: Seen, off: Vector3) -> str:
     return f"what would explain it: {'; or '.join(found)}"
 
 
-def _causes(rest: NominalRest, seen: Seen, here: Rest, off: Vector3) -> Iterator[tuple[str, float]]:
+def _causes(rest: NominalRest, seen: SeenAtRest, here: ExpectedRest, off: Vector3) -> Iterator[tuple[str, float]]:
     """Each with what it leaves unexplained, m."""
     for name, order in AXES.items():
         left = float(np.linalg.norm(seen.marker[list(order)] - here.marker))

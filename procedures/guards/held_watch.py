@@ -11,7 +11,7 @@ from drivers.ports import Clock, Winch
 from drivers.trajectory import Trajectory
 from procedures.guards.motion_guard import Follower, Tolerance
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Journal, Kind, WallTime
+from procedures.recording.journal import Journal, LineKind, WallTime
 from procedures.settings import Settings
 from procedures.stopping import StoppedWinch
 from procedures.teardown import Held, hold_robot
@@ -52,6 +52,6 @@ async def _one_moves(
 def write_moved(journal: Path, clock: Clock, wall_time: WallTime, says: str, held: Held) -> None:
     """Into the journal of the run that had ended. Raises HardwareError."""
     with Journal(journal, clock, wall_time) as lines:
-        lines.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=says, data={"guard": "motion"})
+        lines.write(LineKind.TRIPPED, outcome=Outcome.ERROR, reason=says, data={"guard": "motion"})
         data = {"winches": [one.values for one in held.winches]}
-        lines.write(Kind.HELD, outcome=Outcome.PASS if held.ok else Outcome.ERROR, reason=held.says, data=data)
+        lines.write(LineKind.HELD, outcome=Outcome.PASS if held.ok else Outcome.ERROR, reason=held.says, data=data)

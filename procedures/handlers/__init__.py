@@ -28,6 +28,7 @@ from procedures.steps import (
     Configure,
     Enable,
     GiveUp,
+    GiveUpWithoutPower,
     Hold,
     LetGo,
     MeasurePose,
@@ -41,7 +42,6 @@ from procedures.steps import (
     Settle,
     Step,
     TakeHold,
-    Verdict,
 )
 from procedures.steps.accuracy import CheckAccuracy
 from procedures.steps.align import Jog, Told
@@ -76,7 +76,7 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         Accept: accept,
         Reject: reject,
         GiveUp: give_up,
-        Verdict: give_up,
+        GiveUpWithoutPower: give_up,
         Note: note,
         Strokes: strokes,
         WatchSwing: watch_swing,

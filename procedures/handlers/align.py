@@ -8,7 +8,7 @@ import numpy as np
 from fidim_lab.errors import RefusedError
 from procedures.handlers.motion import move_to
 from procedures.outcomes import Measurement, Outcome, judge
-from procedures.recording.recorder import Recording
+from procedures.recording.recorder import WindowRecording
 from procedures.stand import Stand
 from procedures.steps import MoveTo, Result
 from procedures.steps.align import PLACES, Jog
@@ -40,7 +40,7 @@ def _move(step: Jog, goal: tuple[float, ...]) -> MoveTo:
     )
 
 
-async def _lag(step: Jog, recorded: Recording) -> Result:
+async def _lag(step: Jog, recorded: WindowRecording) -> Result:
     """In a thread: filters and correlations take some tens of milliseconds."""
     from fidim_lab.model.marker_lag import marker_lag  # scipy: the procedure has imported it
 

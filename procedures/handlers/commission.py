@@ -6,7 +6,7 @@ a trial, the winch is quick-stopped and loses its power; without load its brake,
 
 from dataclasses import dataclass, field
 
-from drivers.ports import DriveState, Stop, Trial, TrialBench, Winch
+from drivers.ports import DriveState, Trial, TrialBench, TrialStop, Winch
 from fidim_lab.errors import DeviceError, OurBugError
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
@@ -154,7 +154,7 @@ async def _runs(way: _Way, run_up: float, within: float) -> None:
             )
 
 
-async def _stop(way: _Way, step: ProveStop, expected: Stop, longest: float) -> list[Measurement]:
+async def _stop(way: _Way, step: ProveStop, expected: TrialStop, longest: float) -> list[Measurement]:
     began, place = way.seen[-1]
     ramp = step.speed / expected.deceleration
     while not way.stands():

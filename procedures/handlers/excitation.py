@@ -15,7 +15,7 @@ from procedures.steps.excitation import SeeRecordedSwing, StrokeChain, Strokes, 
 from procedures.timing import POLL, wait_until
 
 if TYPE_CHECKING:
-    from fidim_lab.identification.excitation.seen import Seen
+    from fidim_lab.identification.excitation.seen import SwingOscillations
     from fidim_lab.model.swing import Swing
 
 TAKEN = 0.01
@@ -104,7 +104,7 @@ async def see_recorded_swing(stand: Stand, step: SeeRecordedSwing) -> Result:
 async def _told(swing: "Swing", t: np.ndarray, places: np.ndarray, rest: np.ndarray | None, *, at_end: bool) -> Result:
     """In a thread: a fit takes some tens of milliseconds."""
 
-    def fit() -> "Seen | None":
+    def fit() -> "SwingOscillations | None":
         from fidim_lab.identification.excitation.seen import seen_swing  # what excites has imported it
 
         return seen_swing(swing, t, places, rest=rest, at_end=at_end)

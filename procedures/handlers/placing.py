@@ -10,7 +10,7 @@ from fidim_lab.errors import InfeasibleError
 from procedures.expected.nominal_rest import NominalRest
 from procedures.expected.place_check import (
     Response,
-    Seen,
+    SeenAtRest,
     common_factor,
     place_measurements,
     response_cause,
@@ -49,10 +49,10 @@ async def compare_place(stand: Stand, step: ComparePlace) -> Result:
     """Look up where the marker should be at the lengths of now."""
     if stand.rest is None:
         return Result(reason="no model to compare with")
-    return _placed(stand, stand.rest, Seen(stand.lengths(), np.array(step.marker)))
+    return _placed(stand, stand.rest, SeenAtRest(stand.lengths(), np.array(step.marker)))
 
 
-def _placed(stand: Stand, rest: NominalRest, seen: Seen) -> Result:
+def _placed(stand: Stand, rest: NominalRest, seen: SeenAtRest) -> Result:
     try:
         found, cause = place_measurements(rest, seen, stand.places, stand.settings.place)
     except InfeasibleError as refusal:
@@ -73,7 +73,7 @@ async def try_winches(stand: Stand, step: TryWinches) -> Result:
     start = await _look(stand, over)
     if start is None:
         return Result(Outcome.FAIL, "the main marker was seen too seldom to compare it with the lengths")
-    placed = _placed(stand, rest, Seen(start.lengths, start.marker))
+    placed = _placed(stand, rest, SeenAtRest(start.lengths, start.marker))
     if not placed.outcome.usable:
         return placed
     found, responses, untried = list(placed.measurements), list[Response](), list[str]()

@@ -8,7 +8,7 @@ from fidim_lab.errors import FidimError
 from procedures.expected.nominal_rest import NominalRest
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.recording.marker_place import BESIDE, place_measurements
-from procedures.recording.recorder import Recording
+from procedures.recording.recorder import WindowRecording
 from procedures.recording.window_check import JUMP, SMALLEST, window_measurements
 from procedures.settings import PlaceSettings
 from procedures.stand import Stand
@@ -45,7 +45,7 @@ async def check_window(stand: Stand, step: CheckWindow) -> Result:
 
 
 def _place(
-    recording: Recording, step: CheckWindow, rest: NominalRest, lengths: Lengths, settings: PlaceSettings
+    recording: WindowRecording, step: CheckWindow, rest: NominalRest, lengths: Lengths, settings: PlaceSettings
 ) -> tuple[Measurement, ...]:
     """Nothing where the model does not know how the platform would swing here."""
     from procedures.recording.marker_drift import drift_measurement  # scipy: `run_procedure` has imported it

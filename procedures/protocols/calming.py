@@ -18,7 +18,7 @@ from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.calm import Calming, calmed
 from fidim_lab.identification.excitation.gains import OFF, Gains, Look
 from fidim_lab.identification.excitation.knowledge import GAINS, RATIOS, Knowledge
-from fidim_lab.identification.excitation.place import Place, WinchLimits
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits
 from fidim_lab.identification.excitation.strokes import Chain
 from fidim_lab.model.swing import Swing
 from procedures.settings import Settings
@@ -46,7 +46,7 @@ MOST_DAMPING = 0.2
 class _Here:
     """What is learnt at one place."""
 
-    place: Place
+    place: ExcitationPlace
     gains: Gains
     acted: Float[np.ndarray, " modes"]
     """gain over the model's, along the last chain for each mode; NaN before there was one"""
@@ -54,7 +54,7 @@ class _Here:
     """Hz; NaN where no swing was plain enough"""
 
     @staticmethod
-    def at(place: Place, bodies: Bodies) -> "_Here":
+    def at(place: ExcitationPlace, bodies: Bodies) -> "_Here":
         """The state before any measurement: only the body is known."""
         unknown = np.full(len(place.swing.frequencies), np.nan)
         return _Here(place, Gains.by(place.swing, KNOWN if bodies.sure else OFF), unknown, unknown)
@@ -95,7 +95,7 @@ class Calmer:
         self._here: _Here | None = None
 
     def calm(
-        self, window: PlannedWindow, place: Place, bodies: Bodies, enough: float = 0.0
+        self, window: PlannedWindow, place: ExcitationPlace, bodies: Bodies, enough: float = 0.0
     ) -> Generator[Step, Result, None]:
         """Until the marker swings less than `enough` (m; a fifth of what counts as rest), or was tried often enough.
 
@@ -133,12 +133,12 @@ class Calmer:
             )
             last = (calming, seen) if done.outcome.usable else None
 
-    def told(self, place: Place, knowledge: Knowledge) -> Knowledge:
+    def told(self, place: ExcitationPlace, knowledge: Knowledge) -> Knowledge:
         """The knowledge for a first excitation, including what calming at this place has shown."""
         return knowledge if self._here is None or self._here.place is not place else self._here.told(knowledge)
 
 
-def stroke_chain(chain: Chain, begin: float, place: Place, limits: WinchLimits) -> StrokeChain:
+def stroke_chain(chain: Chain, begin: float, place: ExcitationPlace, limits: WinchLimits) -> StrokeChain:
     """A chain as drives are told it, never beyond the limits."""
     pattern, held = chain.pattern, place.equilibrium.lengths
     ways = np.where(np.abs(chain.direction) > UNMOVED, np.abs(chain.direction), 0.0)
@@ -153,6 +153,6 @@ def stroke_chain(chain: Chain, begin: float, place: Place, limits: WinchLimits) 
     )
 
 
-def lengths_of(place: Place) -> Lengths:
+def lengths_of(place: ExcitationPlace) -> Lengths:
     """m, of its equilibrium."""
     return tuple(float(length) for length in place.equilibrium.lengths)

@@ -13,7 +13,7 @@ from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import SetupError
 from procedures.outcomes import Outcome, worst
 from procedures.settings import Settings
-from procedures.steps import AskWithoutPower, Configure, Result, Step, Steps, Stop, Verdict
+from procedures.steps import AskWithoutPower, Configure, GiveUpWithoutPower, Result, Step, Steps, Stop
 from procedures.steps.commission import RUNS_ON, ProveStop
 
 TRIALS = tuple(Trial)
@@ -23,7 +23,7 @@ ONE_IS_ENOUGH = (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedTrials:
     """The result of the trials of one winch."""
 
     outcome: Outcome
@@ -38,7 +38,7 @@ def commission(plan: Plan, robot: Robot, settings: Settings | None = None) -> St
     return _commission(plan, settings)
 
 
-def judge_trials(results: Mapping[Trial, Result]) -> Judged:
+def judge_trials(results: Mapping[Trial, Result]) -> JudgedTrials:
     """A winch passes where every trial that its drive can undergo has passed; of `ONE_IS_ENOUGH` one must."""
     watched = any(results[trial].outcome.usable for trial in ONE_IS_ENOUGH if trial in results)
     said = [
@@ -50,7 +50,7 @@ def judge_trials(results: Mapping[Trial, Result]) -> Judged:
     if not watched:
         tried.append(Outcome.FAIL)
         said.append("nothing has stopped it when its host was lost")
-    return Judged(worst(tried), "; ".join(said))
+    return JudgedTrials(worst(tried), "; ".join(said))
 
 
 def _unneeded(trial: Trial, result: Result, watched: bool) -> bool:
@@ -78,11 +78,13 @@ def _commission(plan: Plan, settings: Settings) -> Steps:
             yield Stop(outcome=Outcome.ABORTED, reason="ended by the operator")
             return
         if answer == "skip":
-            yield Verdict(window=window.id, outcome=Outcome.SKIPPED, reason="not tried, by the operator's word")
+            yield GiveUpWithoutPower(
+                window=window.id, outcome=Outcome.SKIPPED, reason="not tried, by the operator's word"
+            )
             outcomes.append(Outcome.SKIPPED)
             continue
         judged = judge_trials((yield from _tried(window.id, index, settings)))
-        yield Verdict(window=window.id, outcome=judged.outcome, reason=judged.reason)
+        yield GiveUpWithoutPower(window=window.id, outcome=judged.outcome, reason=judged.reason)
         outcomes.append(judged.outcome)
     yield Configure()
     proven = sum(outcome.usable for outcome in outcomes)

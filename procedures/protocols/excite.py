@@ -18,7 +18,7 @@ from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.again import may_gain, missed, why_again
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import taught
 from fidim_lab.identification.excitation.travel import travel
@@ -66,7 +66,7 @@ class ExciteProtocol(WindowProtocol):
         self._calmer = Calmer(lab.settings, self._limits)
         self._knowledge: Knowledge | None = None
         self._bodies = Bodies.around(lab.robot.nominal)
-        self._place: Place | None = None
+        self._place: ExcitationPlace | None = None
         self._plan: Excitation | None = None
         self._again: Excitation | None = None
         """the plan of the next try, where it is made already"""
@@ -282,10 +282,10 @@ class ExciteProtocol(WindowProtocol):
         if self._place is not None:
             yield from self._calmer.calm(window, self._place, self._bodies, enough)
 
-    def _at(self, lengths: Lengths) -> Place:
+    def _at(self, lengths: Lengths) -> ExcitationPlace:
         body = self._bodies.likely
         return self._memory.once(
-            ("place", lengths, self._who), lambda: Place.at(self._mechanism, np.array(lengths), body)
+            ("place", lengths, self._who), lambda: ExcitationPlace.at(self._mechanism, np.array(lengths), body)
         )
 
     @property
@@ -293,7 +293,7 @@ class ExciteProtocol(WindowProtocol):
         """What is likely to hang there: answers that depend on it are kept beside it."""
         return tuple(self._bodies.likely.vector)
 
-    def _now(self, window: PlannedWindow) -> tuple[Place, Excitation]:
+    def _now(self, window: PlannedWindow) -> tuple[ExcitationPlace, Excitation]:
         if self._place is None or self._plan is None:
             raise OurBugError(f"Window {window.id}: strokes before their plan.")
         return self._place, self._plan

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import FileError
-from procedures.expected.limits import Statics, Workspace, check_moves, find_route, way_points
+from procedures.expected.limits import RestLimits, Statics, check_moves, find_route, way_points
 from procedures.expected.nominal_rest import NominalRest
 from procedures.protocols.identify import Route
 from procedures.protocols.listing import Outline
@@ -29,7 +29,7 @@ class Experiment:
     procedure: Procedure
     roles: Mapping[str, Role]
     """of the planned windows, in order"""
-    workspace: Workspace
+    workspace: RestLimits
     settings: Settings
     rest: NominalRest | None = None
     """where the platform should rest; None: not known, nothing is compared with it"""
@@ -87,7 +87,7 @@ def checked_experiment(
     settings = settings or Settings()
     check_window_ids([window.id for window in plan.windows])
     rest = NominalRest(robot)
-    workspace = Workspace(robot, statics or rest.tensions, settings.motion.length_limits)
+    workspace = RestLimits(robot, statics or rest.tensions, settings.motion.length_limits)
     via = lru_cache(partial(way_points, robot, plan))
 
     def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:

@@ -17,7 +17,17 @@ from fidim_lab.model.mechanism import Mechanism
 from procedures.outcomes import Outcome
 from procedures.protocols.take_up import ask_for_motion, power_taken, taken_up
 from procedures.settings import HomeSettings, Settings
-from procedures.steps import AskWithoutPower, Configure, Lengths, MeasurePose, Result, SetLengths, Step, Steps, Verdict
+from procedures.steps import (
+    AskWithoutPower,
+    Configure,
+    GiveUpWithoutPower,
+    Lengths,
+    MeasurePose,
+    Result,
+    SetLengths,
+    Step,
+    Steps,
+)
 
 ENOUGH_MARKERS = 3
 """not on one line: fewer leave the pose open"""
@@ -48,12 +58,12 @@ def known_lengths(place: PlannedWindow, robot: Robot) -> Lengths:
 def _home(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
     yield Configure(window=place.id)
     if (yield _ask(place, settings)).answer != "done":
-        yield Verdict(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
         return
     home = settings.home
     if home.taut:
         if (yield ask_for_motion(place, settings)).answer != "done":
-            yield Verdict(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+            yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
             return
         yield from taken_up(place, robot, settings)
     if home.by_markers:
@@ -67,14 +77,14 @@ def _home(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
         yield power_taken(place, settings)
     changes = ", ".join(f"{change * 1e3:+.1f}" for change in result.values)
     said = result.reason or (f"lengths changed by {changes} mm" if changes else "")
-    yield Verdict(window=place.id, outcome=result.outcome, reason=said)
+    yield GiveUpWithoutPower(window=place.id, outcome=result.outcome, reason=said)
 
 
 def _measured(place: PlannedWindow, home: HomeSettings) -> Generator[Step, Result, Lengths | None]:
     """The lengths of the measured pose; None where it is none."""
     measured = yield MeasurePose(window=place.id, over=home.over, still=home.still, misfit=home.misfit)
     if not measured.outcome.usable:
-        yield Verdict(window=place.id, outcome=measured.outcome, reason=measured.reason)
+        yield GiveUpWithoutPower(window=place.id, outcome=measured.outcome, reason=measured.reason)
         return None
     return measured.values
 

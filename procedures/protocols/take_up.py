@@ -10,7 +10,7 @@ from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import SetupError
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
-from procedures.steps import AskWithoutPower, Configure, Result, Step, Steps, Verdict
+from procedures.steps import AskWithoutPower, Configure, GiveUpWithoutPower, Result, Step, Steps
 from procedures.steps.taut import TakePower, TakeUp
 
 
@@ -25,13 +25,15 @@ def take_up(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps
 def _take_up(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
     yield Configure(window=place.id)
     if (yield ask_for_motion(place, settings)).answer != "done":
-        yield Verdict(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
         return
     taken = yield from taken_up(place, robot, settings)
     held = yield power_taken(place, settings)
     worse = held if not held.outcome.usable else taken
     said = ", ".join(f"{way * 1e3:.0f}" for way in taken.values)
-    yield Verdict(window=place.id, outcome=worse.outcome, reason=worse.reason or (f"{said} mm wound" if said else ""))
+    yield GiveUpWithoutPower(
+        window=place.id, outcome=worse.outcome, reason=worse.reason or (f"{said} mm wound" if said else "")
+    )
 
 
 def taken_up(place: PlannedWindow, robot: Robot, settings: Settings) -> Generator[Step, Result, Result]:

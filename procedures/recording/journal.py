@@ -33,7 +33,7 @@ WallTime = Callable[[], str]
 """the time of day as ISO 8601 text"""
 
 
-class Kind(StrEnum):
+class LineKind(StrEnum):
     """The kind of a line."""
 
     RUN_STARTED = "run-started"
@@ -60,7 +60,7 @@ class Entry:
     t: float
     """monotonic s"""
     wall: str
-    kind: Kind
+    kind: LineKind
     step: str = ""
     """the step's type"""
     window: str = ""
@@ -96,7 +96,7 @@ class Journal:
     ) -> None:
         self._disk.secure(self._file.close)
 
-    def write(self, kind: Kind, *, sync: bool = True, **fields: Any) -> None:
+    def write(self, kind: LineKind, *, sync: bool = True, **fields: Any) -> None:
         """Append one line (fields as in `Entry`), and bring it to the disk, unless `sync` is False. Never waits."""
         entry = Entry(0, round(self._clock.now(), 6), self._wall_time(), kind, **fields)
         self._disk.put(lambda: self._write(entry))

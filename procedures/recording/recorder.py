@@ -47,7 +47,7 @@ class _Open:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class WindowRecording:
     """One window as it was recorded; NaN where nothing was there."""
 
     window: str
@@ -99,9 +99,11 @@ class Recorder:
         self._write = write
         self._factors = tuple(newton_per_ampere or [math.nan] * len(winches))
         self._open: _Open | None = None
-        self._last: Recording | None = None
+        self._last: WindowRecording | None = None
 
-    async def record(self, window: str, attempt: int, duration: float, progress: Callable[[float], None]) -> Recording:
+    async def record(
+        self, window: str, attempt: int, duration: float, progress: Callable[[float], None]
+    ) -> WindowRecording:
         """Record `duration` seconds (N = duration · rate + 1 rows). The file stays open to accept, reject, abandon.
 
         What an earlier process left of this window is moved to `rejected/` first.
@@ -127,7 +129,7 @@ class Recorder:
         self._last = self._recording(window, attempt, rows.array(), counted)
         return self._last
 
-    def last(self, window: str, attempt: int) -> Recording:
+    def last(self, window: str, attempt: int) -> WindowRecording:
         """The recording just made. Raises OurBugError when it is another."""
         if self._last is None or (self._last.window, self._last.attempt) != (window, attempt):
             raise OurBugError(f"Recorder: attempt {attempt} of window {window} is not the one recorded last.")
@@ -245,9 +247,9 @@ class Recorder:
         values += [np.nan if s is None else s.current for s in fresh]
         return values + [value for gauge in self._gauges for value in _told(gauge, now)]
 
-    def _recording(self, window: str, attempt: int, table: np.ndarray, counters: dict[str, int]) -> Recording:
+    def _recording(self, window: str, attempt: int, table: np.ndarray, counters: dict[str, int]) -> WindowRecording:
         n, coordinates = len(self._winches), 3 * self._markers
-        return Recording(
+        return WindowRecording(
             window=window,
             attempt=attempt,
             rate=self._source.rate,

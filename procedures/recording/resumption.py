@@ -18,7 +18,7 @@ from fidim_lab.data.records import Plan, Role
 from fidim_lab.errors import RefusedError, SetupError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import NAME as JOURNAL
-from procedures.recording.journal import Entry, Kind, read_journal
+from procedures.recording.journal import Entry, LineKind, read_journal
 from procedures.report import WindowRow
 from procedures.steps import Ask, GiveUp, Lengths, MoveTo, Record, Settle, longest_way
 
@@ -123,7 +123,9 @@ def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
         for w in table.window
     )
     attempts = _attempts(journal)
-    verdicts = {e.window: e for e in journal if e.kind is Kind.STEP_FINISHED and e.step in ("Accept", GiveUp.__name__)}
+    verdicts = {
+        e.window: e for e in journal if e.kind is LineKind.STEP_FINISHED and e.step in ("Accept", GiveUp.__name__)
+    }
     rows: dict[str, WindowRow] = {}
     for entry in table.window:
         said = verdicts.get(entry.id)
@@ -139,14 +141,14 @@ def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
     for window, said in verdicts.items():
         if window not in rows and window in roles and said.step == GiveUp.__name__:
             rows[window] = WindowRow(window, roles[window], said.outcome, said.reason, attempts.get(window, 0))
-    part = 1 + sum(entry.kind is Kind.CONTINUED for entry in journal)
+    part = 1 + sum(entry.kind is LineKind.CONTINUED for entry in journal)
     return Resumption(entries, rows, attempts, _place(journal), _swings(journal), part)
 
 
 def _attempts(journal: Iterable[Entry]) -> dict[str, int]:
     found: dict[str, int] = {}
     for entry in journal:
-        if entry.kind is Kind.STEP_STARTED and entry.step == Record.__name__:
+        if entry.kind is LineKind.STEP_STARTED and entry.step == Record.__name__:
             found[entry.window] = found.get(entry.window, 0) + 1
     return found
 
@@ -155,9 +157,9 @@ def _swings(journal: Iterable[Entry]) -> bool:
     """So a question that was open when the run broke off is asked again, before the first move."""
     swings = False
     for entry in journal:
-        if entry.step == Ask.__name__ and entry.kind is Kind.STEP_STARTED:
+        if entry.step == Ask.__name__ and entry.kind is LineKind.STEP_STARTED:
             swings = True
-        elif entry.step == Settle.__name__ and entry.kind is Kind.STEP_FINISHED and entry.outcome.usable:
+        elif entry.step == Settle.__name__ and entry.kind is LineKind.STEP_FINISHED and entry.outcome.usable:
             swings = False
     return swings
 
@@ -171,7 +173,7 @@ def _place(journal: Iterable[Entry]) -> LastPlace | None:
         lengths = _lengths(entry)
         if lengths is None:
             continue
-        moving = entry.kind is Kind.STEP_STARTED and entry.step == MoveTo.__name__ and place is not None
+        moving = entry.kind is LineKind.STEP_STARTED and entry.step == MoveTo.__name__ and place is not None
         stayed = place is not None and longest_way(place.end, lengths) <= NEAR
         marker = place.marker if place is not None and stayed and not moving else None
         place = LastPlace(place.end if moving and place is not None else lengths, lengths, marker)
@@ -181,7 +183,7 @@ def _place(journal: Iterable[Entry]) -> LastPlace | None:
 def _rest(entry: Entry) -> Position | None:
     """Where the main marker came to rest, of a `Settle` that has seen it do so."""
     values: Sequence[float] = entry.data.get("values", ())
-    settled = entry.kind is Kind.STEP_FINISHED and entry.step == Settle.__name__ and entry.outcome.usable
+    settled = entry.kind is LineKind.STEP_FINISHED and entry.step == Settle.__name__ and entry.outcome.usable
     return (float(values[0]), float(values[1]), float(values[2])) if settled and len(values) == 3 else None
 
 
@@ -189,7 +191,7 @@ def _lengths(entry: Entry) -> Lengths | None:
     found: Sequence[float] | None = entry.data.get("lengths")
     if (
         found is None
-        and entry.kind is Kind.STEP_FINISHED
+        and entry.kind is LineKind.STEP_FINISHED
         and entry.step in ("Enable", "MoveTo", "Hold", "ReadEncoders")
     ):
         found = entry.data.get("values")

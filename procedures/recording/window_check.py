@@ -6,7 +6,7 @@ import numpy as np
 
 from fidim_lab.arrays import CableSeries, Mask, Positions, Series, runs
 from procedures.outcomes import Measurement
-from procedures.recording.recorder import Recording
+from procedures.recording.recorder import WindowRecording
 from procedures.steps import WindowLimits
 
 SMALLEST = "smallest tension"
@@ -16,7 +16,7 @@ FROZEN = 5
 
 
 def window_measurements(
-    recording: Recording,
+    recording: WindowRecording,
     limits: WindowLimits,
     lengths: Sequence[float],
     equilibrium: Sequence[float],

@@ -5,7 +5,7 @@ sent the `Result` of each; a reader without hardware sends `step.expected`. Leng
 """
 
 from procedures.steps.base import AfterPause, Lengths, Phase, Procedure, Result, Step, Steps
-from procedures.steps.home import AskWithoutPower, Configure, MeasurePose, SetLengths, Verdict
+from procedures.steps.home import AskWithoutPower, Configure, GiveUpWithoutPower, MeasurePose, SetLengths
 from procedures.steps.person import Ask, AwaitHandsOff
 from procedures.steps.release import AwaitHeld, LetGo, TakeHold
 from procedures.steps.robot import CheckTension, Enable, Hold, MoveTo, ReadEncoders, Settle, longest_way, travel_time
@@ -24,6 +24,7 @@ __all__ = [
     "Configure",
     "Enable",
     "GiveUp",
+    "GiveUpWithoutPower",
     "Hold",
     "Lengths",
     "LetGo",
@@ -42,7 +43,6 @@ __all__ = [
     "Steps",
     "Stop",
     "TakeHold",
-    "Verdict",
     "WindowLimits",
     "longest_way",
     "travel_time",

@@ -9,7 +9,7 @@ import numpy as np
 from procedures.steps.base import AfterPause, Lengths, Phase, Step
 
 if TYPE_CHECKING:  # scipy: a second that a run without excitation need not wait
-    from fidim_lab.identification.excitation.seen import Seen
+    from fidim_lab.identification.excitation.seen import SwingOscillations
     from fidim_lab.model.swing import Swing
 
 
@@ -157,7 +157,7 @@ class Think(Step):
         return 0.5
 
 
-def swing_values(seen: "Seen", swing: "Swing") -> tuple[float, ...]:
+def swing_values(seen: "SwingOscillations", swing: "Swing") -> tuple[float, ...]:
     """A swing as a step's values: time, then of each mode state, frequency (Hz), damping, amplitude (m)."""
     states = seen.states(swing, seen.t)
     columns = [np.real(states), np.imag(states), seen.frequencies, seen.damping, seen.amplitudes]

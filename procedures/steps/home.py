@@ -37,7 +37,7 @@ class AskWithoutPower(Ask):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict(GiveUp):
+class GiveUpWithoutPower(GiveUp):
     """The result at a place where no drive had power."""
 
     phase: ClassVar[Phase] = Phase.PREPARING

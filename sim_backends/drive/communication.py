@@ -14,8 +14,8 @@ from sim_backends.drive.objects.nmt import (
     HeartbeatProducer,
     HeartbeatWatch,
     LifeGuard,
-    NmtCommand,
-    NmtState,
+    MasterCommand,
+    NodeState,
     nmt_command,
 )
 from sim_backends.drive.objects.pdo_unit import PdoUnit
@@ -28,11 +28,11 @@ SYNC_PERIODS = 5.0
 _NMT, _SYNC, _EMERGENCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
 _OFF = 1 << 31
 _ENTERED = {
-    NmtCommand.START: NmtState.OPERATIONAL,
-    NmtCommand.STOP: NmtState.STOPPED,
-    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+    MasterCommand.START: NodeState.OPERATIONAL,
+    MasterCommand.STOP: NodeState.STOPPED,
+    MasterCommand.ENTER_PRE_OPERATIONAL: NodeState.PRE_OPERATIONAL,
 }
-_COMMUNICATION_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
+_COMMUNICATION_ERROR = {0: NodeState.PRE_OPERATIONAL, 2: NodeState.STOPPED}
 """1029:1 – the state that an operational node falls back to when it misses a heartbeat"""
 
 
@@ -57,7 +57,7 @@ class Communication:
         self._guard = LifeGuard(od)
         od.attach(0x1017, watcher=lambda _subindex, _value: self._producer.restart(axis.feedback.now))
         self._late: list[tuple[float, Outgoing]] = []
-        self.state = NmtState.INITIALISING
+        self.state = NodeState.INITIALISING
         self.routes: dict[int, Callable[[CanFrame], None]] = {}
         """what to do with which identifier in the present state"""
         self.outbox: list[Outgoing] = []
@@ -66,7 +66,7 @@ class Communication:
     def due(self) -> float:
         """When something is next to be sent or noticed, s."""
         late = self._late[0][0] if self._late else math.inf
-        events = self._pdos.due if self.state is NmtState.OPERATIONAL else math.inf
+        events = self._pdos.due if self.state is NodeState.OPERATIONAL else math.inf
         return min(late, events, self._producer.due, self._watch.due, self._guard.due, self._sync_due)
 
     @property
@@ -88,8 +88,8 @@ class Communication:
         self._late.clear()
         self.outbox.append((_HEARTBEAT + self._node_id, b"\x00"))
         self._producer.restart(self._axis.feedback.now)
-        self.state = NmtState.INITIALISING
-        self._enter(NmtState.PRE_OPERATIONAL)
+        self.state = NodeState.INITIALISING
+        self._enter(NodeState.PRE_OPERATIONAL)
 
     def live(self, now: float) -> None:
         """Do what is due: heartbeat, watchdog, late answers."""
@@ -104,7 +104,7 @@ class Communication:
             self._axis.abort_connection()
             self.settle(now)
             fallback = _COMMUNICATION_ERROR.get(self._od.number(0x1029, 1))
-            if self.state is NmtState.OPERATIONAL and fallback is not None:
+            if self.state is NodeState.OPERATIONAL and fallback is not None:
                 self._enter(fallback)
         if now >= self._producer.due:
             self.outbox.append((_HEARTBEAT + self._node_id, bytes([self.state])))
@@ -118,17 +118,17 @@ class Communication:
             self._route()
         emergency = self._od.number(0x1014, default=_EMERGENCY + self._node_id)
         for message in self._errors.take():
-            if self.state in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL) and not emergency & _OFF:
+            if self.state in (NodeState.OPERATIONAL, NodeState.PRE_OPERATIONAL) and not emergency & _OFF:
                 self.outbox.append((emergency & 0x7FF, message))
-        if self.state is NmtState.OPERATIONAL:
+        if self.state is NodeState.OPERATIONAL:
             self.outbox += self._pdos.events(now)
 
-    def _enter(self, state: NmtState) -> None:
-        if state is NmtState.STOPPED and self.state is not NmtState.STOPPED and self._axis.feedback.powered:
+    def _enter(self, state: NodeState) -> None:
+        if state is NodeState.STOPPED and self.state is not NodeState.STOPPED and self._axis.feedback.powered:
             self._axis.abort_connection()
             self.settle(self._axis.feedback.now)
         entering, self.state = state is not self.state, state
-        if state is NmtState.STOPPED:
+        if state is NodeState.STOPPED:
             self._sync_due = math.inf  # it hears none
         if entering:
             self._pdos.stale = True
@@ -140,10 +140,10 @@ class Communication:
             self._pdos.rebuild(self._axis.feedback.now)
         routes: dict[int, Callable[[CanFrame], None]] = {_NMT: self._command}
         routes[_HEARTBEAT + self._node_id] = self._answer_guarding
-        if self.state is NmtState.OPERATIONAL:
+        if self.state is NodeState.OPERATIONAL:
             for cob_id in self._pdos.receivers:
                 routes[cob_id] = self._process
-        if self.state is not NmtState.STOPPED:
+        if self.state is not NodeState.STOPPED:
             routes[_SYNC] = self._sync
             routes[_SDO_REQUEST + self._node_id] = self._serve
         for node in self._watch.watched:
@@ -159,7 +159,7 @@ class Communication:
             return
         if self._axis.feedback.powered:
             self._axis.abort_connection()
-        if command is NmtCommand.RESET_NODE:
+        if command is MasterCommand.RESET_NODE:
             self.restart()
             return
         self._od.restore(0x1000, 0x1FFF)
@@ -190,7 +190,7 @@ class Communication:
             if period := self._od.number(0x1006):
                 self._sync_due = frame.t + SYNC_PERIODS * 1e-6 * period
                 self._errors.withdraw(SYNC_LOST)
-            if self.state is NmtState.OPERATIONAL:
+            if self.state is NodeState.OPERATIONAL:
                 self.outbox += self._pdos.sync()
 
     def _process(self, frame: CanFrame) -> None:

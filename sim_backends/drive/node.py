@@ -16,7 +16,7 @@ from sim_backends.drive.configuration import connect
 from sim_backends.drive.faults import DriveFaults
 from sim_backends.drive.objects.dictionary import Dictionary
 from sim_backends.drive.objects.emergency import ErrorLog
-from sim_backends.drive.objects.nmt import NmtState
+from sim_backends.drive.objects.nmt import NodeState
 
 CYCLE = 0.005
 """s of the drive's own cycle; it runs only while something moves"""
@@ -72,7 +72,7 @@ class SimulatedDrive:
         return self._axis.state
 
     @property
-    def nmt_state(self) -> NmtState:
+    def nmt_state(self) -> NodeState:
         """Of the node."""
         return self._communication.state
 

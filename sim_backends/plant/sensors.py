@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.arrays import PerCable
-from fidim_lab.data.records import Robot, Winch
+from fidim_lab.data.records import Robot, WinchTorque
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.world import World, rotation
 
@@ -136,7 +136,7 @@ class CurrentSensors:
     Does not simulate: friction of gear and drum (a held winch can carry part of its tension), drift, torque ripple.
     """
 
-    def __init__(self, winches: tuple[Winch, ...], noise: float, rng: np.random.Generator) -> None:
+    def __init__(self, winches: tuple[WinchTorque, ...], noise: float, rng: np.random.Generator) -> None:
         self._ampere_per_newton = np.array([1.0 / winch.newton_per_ampere for winch in winches])
         self._noise, self._rng = noise, rng
 

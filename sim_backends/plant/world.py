@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.arrays import Matrix3, Vector3
-from fidim_lab.data.records import Body, Cable, Robot, Winch
+from fidim_lab.data.records import Body, Cable, Robot, WinchTorque
 from fidim_lab.errors import SetupError
 from sim_backends.plant.hidden import HiddenEffect
 
@@ -27,7 +27,7 @@ class World:
     markers: np.ndarray
     """(M, 3) body frame, m; the main one first"""
     gravity: Vector3
-    winches: tuple[Winch, ...] | None
+    winches: tuple[WinchTorque, ...] | None
     hidden: tuple[HiddenEffect, ...] = ()
 
     @property

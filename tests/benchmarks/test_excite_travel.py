@@ -6,7 +6,7 @@ import pytest
 from benchmarks.excite import travel
 from benchmarks.excite.travel import moved
 from fidim_lab.data.records import Robot
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.travel import travelled
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -17,7 +17,9 @@ def test_a_hasty_move_swings_as_far_as_is_said_and_does_not_settle(irma4: Robot,
     monkeypatch.setattr(travel, "PATIENCE", 2.0)
     mechanism = Mechanism(irma4, native=True)
     spots = np.array([1.05, -0.3, -0.35]), np.array([1.4, 0.05, -0.15])
-    start, goal = (Place.at(mechanism, equilibrium_at(mechanism, irma4.nominal, spot).lengths) for spot in spots)
+    start, goal = (
+        ExcitationPlace.at(mechanism, equilibrium_at(mechanism, irma4.nominal, spot).lengths) for spot in spots
+    )
     hasty = travelled(start, goal, 0.5, 2.0)
     world = make_world(irma4, np.random.default_rng(1), body=irma4.nominal)
     found = moved(world, (start, goal), hasty, 2e-3)

@@ -8,7 +8,7 @@ from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.words import controlword
 from fidim_lab.app.compose import simulated
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind
+from procedures.recording.journal import LineKind
 from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.axis.machine import State
 
@@ -263,7 +263,7 @@ def test_a_window_after_a_small_jump_of_an_encoder_is_not_taken_for_good_either(
     rehearsal.at("Record", lambda stage: stage.drive(2).faults.jump_encoder(200), after=0.5)
     ended = rehearsal.run()
     report = ended.check()
-    verdicts = [e.reason for e in ended.journal if e.step == "CheckWindow" and e.kind is Kind.STEP_FINISHED]
+    verdicts = [e.reason for e in ended.journal if e.step == "CheckWindow" and e.kind is LineKind.STEP_FINISHED]
     assert verdicts[0].startswith("movement of the motor of cable 2 is 4 mm")
     assert verdicts[1].startswith("encoder error of cable 2 is 4 mm")
     assert report.exit_code == 1

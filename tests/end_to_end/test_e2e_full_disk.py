@@ -11,7 +11,7 @@ import pytest
 
 from drivers.canbus.candump import CandumpLog, read_candump
 from fidim_lab.data.campaign import read_campaign
-from procedures.recording.journal import Journal, Kind, read_journal
+from procedures.recording.journal import Journal, LineKind, read_journal
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -59,7 +59,7 @@ def test_a_full_disk_under_the_journal(rehearsal, monkeypatch, step, where):
     report = ended.check(journal=False)
     assert "No space left on device" in report.reason
     assert report.exit_code == 3
-    assert [e.kind for e in ended.journal][:2] == [Kind.RUN_STARTED, Kind.STEP_STARTED]  # readable up to there
+    assert [e.kind for e in ended.journal][:2] == [LineKind.RUN_STARTED, LineKind.STEP_STARTED]  # readable up to there
     for word in report.reason.split():
         if word.startswith(("windows/", "rejected/")) and "kept in" in report.reason:
             assert (ended.folder / word.rstrip(".")).exists(), "the sentence names where the window is"
@@ -125,6 +125,6 @@ def test_a_file_size_limit_of_the_operating_system(tmp_path):
     assert "All winches stand still, held." in ended.stdout
     assert "Traceback" not in ended.stdout + ended.stderr
     last = read_journal(tmp_path / "run" / "journal.jsonl")[-1]
-    assert last.kind is Kind.RUN_FINISHED
+    assert last.kind is LineKind.RUN_FINISHED
     assert len(list(read_candump(tmp_path / "run" / "raw" / "can.log"))) > 500
     assert signal.getsignal(signal.SIGXFSZ) is signal.SIG_IGN  # as Python has it: a refusal, not a death

@@ -15,7 +15,7 @@ from drivers.canbus.candump import read_candump
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import HardwareError
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from sim_backends.drive.axis.machine import State
 
 STEPS = ("Enable", "MoveTo", "Settle", "Hold", "ReadEncoders", "CheckTension", "Ask", "AwaitHandsOff", "Record")
@@ -138,7 +138,7 @@ def test_the_command_ends_with_130_and_a_whole_folder(command):
     assert f"run folder  {command.folder}" in out
     assert "Traceback" not in out + err
     last = read_journal(command.journal)[-1]
-    assert (last.kind, last.outcome) == (Kind.RUN_FINISHED, Outcome.ABORTED)
+    assert (last.kind, last.outcome) == (LineKind.RUN_FINISHED, Outcome.ABORTED)
     assert [w.id for w in read_campaign(command.folder).windows] in (["i01"], ["i01", "i02"], ["i01", "i02", "i03"])
     assert {p.name for p in command.folder.iterdir()} >= {"truth.json", "plan.toml", "raw", "robot.toml"}
 

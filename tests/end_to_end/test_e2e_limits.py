@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.data.records import Plan
 from fidim_lab.errors import InfeasibleError
 from procedures.expected import NominalRest
-from procedures.expected.limits import Workspace
+from procedures.expected.limits import RestLimits
 from procedures.protocols import catalogue
 from procedures.settings import MotionSettings
 
@@ -60,7 +60,7 @@ def test_nothing_reaches_a_drive_and_no_folder_is_made(scene, rehearsal):
     experiment = catalogue.experiment("identify", scene.two, scene.robot, scene.short())
     limits = replace(scene.robot.limits, tension=(20.0, 65.0))
     strict = replace(scene.robot, limits=limits)
-    experiment = replace(experiment, workspace=Workspace(strict, NominalRest(strict).tensions))
+    experiment = replace(experiment, workspace=RestLimits(strict, NominalRest(strict).tensions))
     frames = []
     rehearsal.at("", lambda stage: stage.rig.transport.tap(frames.append))
     with pytest.raises(InfeasibleError, match=r"window i01.*cable 1 would have 73\.\d N.*20 to 65 N is allowed"):

@@ -12,7 +12,7 @@ from drivers.canbus.transport import CanFrame
 from drivers.cia402.wire.nmt import NmtCommand
 from procedures.events import RunFinished
 from procedures.guards.held_watch import watch_held
-from procedures.recording.journal import Kind
+from procedures.recording.journal import LineKind
 from sim_backends.bus_faults import FrameRule
 
 RUN_ON = 0.010
@@ -141,7 +141,7 @@ def test_a_drive_that_does_not_hear_a_stop_is_stopped_by_the_network_and_the_end
     assert "All winches stand still" not in report.held_says
     obeyed = {one.name: one.obeyed for one in report.stopped}
     assert obeyed == {"winch 1": True, "winch 2": False, "winch 3": True, "winch 4": True}
-    held = next(e for e in ended.journal if e.kind is Kind.HELD)
+    held = next(e for e in ended.journal if e.kind is LineKind.HELD)
     assert held.data["winches"][1]["obeyed"] is False
     assert held.data["winches"][1]["moved"] == pytest.approx(truth.moved[1], abs=2e-3)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from procedures.recording.journal import Kind
+from procedures.recording.journal import LineKind
 from sim_backends.mocap.faults import Faults
 
 SPREAD = 6e-4
@@ -14,7 +14,7 @@ UNSEEN = 3e-3
 
 def checks(ended):
     """(outcome, reason) of every window check."""
-    found = [e for e in ended.journal if e.step == "CheckWindow" and e.kind is Kind.STEP_FINISHED]
+    found = [e for e in ended.journal if e.step == "CheckWindow" and e.kind is LineKind.STEP_FINISHED]
     return [(e.outcome.value, e.reason) for e in found]
 
 
@@ -130,7 +130,7 @@ def test_packets_in_disorder_give_the_right_samples_or_blank_ones(scene, case):
         assert errors(scene, ended, file).max() < SPREAD
         blank = ended.rows - len(scene.places(file))
         assert (blank == 0) == (case in ("nothing", "doubled", "out of order"))
-    recorded = next(e.reason for e in ended.journal if e.step == "Record" and e.kind is Kind.STEP_FINISHED)
+    recorded = next(e.reason for e in ended.journal if e.step == "Record" and e.kind is LineKind.STEP_FINISHED)
     for word in {
         "lost": ["lost"],
         "doubled": ["doubled"],

@@ -11,7 +11,7 @@ from procedures.events import Paused, Resumed, StepStarted
 from procedures.outcomes import Outcome
 from procedures.pace import Pace
 from procedures.protocols import catalogue
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from procedures.run import run_procedure
 from procedures.steps import Enable, Note, Record, Settle
 from sim_backends.jumping_loop import run
@@ -46,7 +46,7 @@ def test_a_pause_holds_and_a_resume_goes_on_to_a_whole_campaign(step, world, lab
     assert names(world).count(step) == (4 if step == "Ask" else 3), "once more than for two windows"
     assert {len(w.t) for w in read_campaign(tmp_path / "run").windows} == {1001}
     kinds = [e.kind for e in read_journal(tmp_path / "run" / "journal.jsonl")]
-    assert kinds.index(Kind.PAUSED) < kinds.index(Kind.RESUMED)
+    assert kinds.index(LineKind.PAUSED) < kinds.index(LineKind.RESUMED)
 
 
 def test_a_paused_move_stops_and_goes_on_to_its_goal(world, lab, control, tmp_path):

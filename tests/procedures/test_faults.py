@@ -13,7 +13,7 @@ from fidim_lab.data.window_csv import read_window_csv
 from procedures.events import RunFinished, StepStarted, Tripped
 from procedures.handlers import HANDLERS
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from procedures.steps import Record
 from sim_backends.jumping_loop import run
 
@@ -35,7 +35,7 @@ STEPS = (
 
 
 def held_line(folder):
-    return next(e for e in read_journal(folder / "journal.jsonl") if e.kind is Kind.HELD)
+    return next(e for e in read_journal(folder / "journal.jsonl") if e.kind is LineKind.HELD)
 
 
 def test_a_tension_under_its_limit_at_rest_ends_the_run(world, lab, tmp_path):
@@ -98,7 +98,7 @@ def test_a_guard_stops_all_winches_at_once_and_names_the_cause(world, lab, tmp_p
     assert world.fallen_silent == (fault == "silent drive")
     assert world.motions_after("quick_stop") == 0
     lines = read_journal(tmp_path / "run" / "journal.jsonl")
-    assert says in next(e for e in lines if e.kind is Kind.TRIPPED).reason
+    assert says in next(e for e in lines if e.kind is LineKind.TRIPPED).reason
     assert report.held == (fault != "silent drive")
     if fault == "silent drive":
         assert "cut the power by hand" in report.held_says

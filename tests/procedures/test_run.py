@@ -9,7 +9,7 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import InfeasibleError, SetupError
 from procedures.events import Prompted, RunFinished, StepFinished, StepProgress, StepStarted, WindowFinished
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 
 
 def test_the_happy_path_gives_a_campaign(world, lab, tmp_path):
@@ -63,8 +63,8 @@ def test_the_journal_has_every_step_with_its_measurements(world, lab, tmp_path):
     world.run(lab.one, tmp_path / "run")
     entries = read_journal(tmp_path / "run" / "journal.jsonl")
     assert [e.number for e in entries] == list(range(1, len(entries) + 1))
-    assert [e.kind for e in entries][-2:] == [Kind.HELD, Kind.RUN_FINISHED]
-    tension = next(e for e in entries if e.kind is Kind.STEP_FINISHED and e.step == "CheckTension")
+    assert [e.kind for e in entries][-2:] == [LineKind.HELD, LineKind.RUN_FINISHED]
+    tension = next(e for e in entries if e.kind is LineKind.STEP_FINISHED and e.step == "CheckTension")
     assert tension.data["values"] == pytest.approx([60.0] * 4, abs=0.1)
     assert {m["outcome"] for m in tension.data["measurements"]} == {"pass"}
     assert all(e.t >= 0 and e.wall == "2026-01-01T00:00:00Z" for e in entries)

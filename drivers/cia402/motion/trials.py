@@ -9,7 +9,7 @@ from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.words import Mode, controlword
 from drivers.cia402.watch.without_power import acknowledge_fault, read_state
 from drivers.cia402.wire.sdo import SdoRefusedError
-from drivers.ports import DriveState, Stop, Trial
+from drivers.ports import DriveState, Trial, TrialStop
 
 QUICK_RAMPS, SLOW_RAMPS = (2, 6), (1, 5)
 """option codes that stop on the quick-stop ramp (6085), and on the move's own (6084)"""
@@ -46,7 +46,7 @@ class WinchTrials:
             return "in cyclic position mode a hold is the host's own ramp"
         return ""
 
-    def stop(self, trial: Trial, speed: float, acceleration: float) -> Stop:
+    def stop(self, trial: Trial, speed: float, acceleration: float) -> TrialStop:
         """By the config: the reaction that the drive was told, and its ramp. `speed` does not matter to it.
 
         A drive that cannot be told its quick-stop ramp (6085) may stop on the move's: its proof makes the winch slower.
@@ -60,7 +60,7 @@ class WinchTrials:
         own = option in SLOW_RAMPS or not self._winch.link.able.can_write(0x6085)
         ramp = min(acceleration, config.quick_stop_deceleration) if own else config.quick_stop_deceleration
         withheld = trial in (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
-        return Stop(config.host_timeout if withheld else 0.0, ramp)
+        return TrialStop(config.host_timeout if withheld else 0.0, ramp)
 
     def room(self, length: float, way: float) -> bool:
         """By the rig file's length limits."""

@@ -18,11 +18,16 @@ from fidim_lab.identification.design.task import DISPLACED
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN
 from fidim_lab.identification.mle.findings import closing
-from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.result import (
+    IdentificationResult,
+    InertialParameter,
+    ResultOutcome,
+    WindowVerdict,
+)
 from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.units import millimetres, percent, plain
 
-UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
+UNUSABLE = (ResultOutcome.IMPOSSIBLE_BODY, ResultOutcome.LOST_PHASE, ResultOutcome.NOT_CONVERGED)
 """outcomes with which the command fails"""
 
 
@@ -59,7 +64,7 @@ def gauge_table(result: IdentificationResult) -> Table:
     table = Table(title="Free of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
     console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
     s_z, plane = result.parameters["s_z"], result.attachment_plane
-    relative = Parameter(
+    relative = InertialParameter(
         s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane, seen=s_z.seen
     )
     table.add_row(*_cells("s_z − a_z", relative))
@@ -101,7 +106,7 @@ def closing_sentence(result: IdentificationResult) -> str:
     lever = abs(s_z.value - result.attachment_plane)
     size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
     fitted = sum(window.used and window.role is Role.IDENTIFY for window in result.windows)
-    if result.outcome is Outcome.MISFIT:
+    if result.outcome is ResultOutcome.MISFIT:
         found = (
             f"the equations are off by {noise:.1f}" if noise > MODEL_ERROR else f"the windows disagree by {ratio:.0f}"
         )
@@ -127,14 +132,14 @@ def next_command(folder: Path, result: IdentificationResult, json_file: Path | N
     if json_file is None:  # what all that follows takes
         return f"fidim identify {place} --json {quote(str(folder / 'result.json'))}"
     kept = quote(str(json_file))
-    if result.outcome is Outcome.DOUBTFUL and result.freedoms > DISPLACED:  # more windows, at places at random
+    if result.outcome is ResultOutcome.DOUBTFUL and result.freedoms > DISPLACED:  # more windows, at places at random
         return f"fidim dry-run --robot {quote(str(folder / ROBOT))} --out rehearsal"
-    if result.outcome is Outcome.DOUBTFUL:
+    if result.outcome is ResultOutcome.DOUBTFUL:
         return f"fidim design --after {kept} --campaign {place} --out next"
     return f"fidim export {kept} --to python --campaign {place} --out robot.py"
 
 
-def _cells(name: str, parameter: Parameter) -> tuple[str, ...]:
+def _cells(name: str, parameter: InertialParameter) -> tuple[str, ...]:
     """Both kinds happen to read well in thousandths: s in mm, I in 1e-3 m²."""
     spread = parameter.spread
     size = abs(parameter.value)

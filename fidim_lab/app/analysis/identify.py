@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.app.analysis.identified import next_command, summary
-from fidim_lab.app.analysis.pose_from import Posed, comparison, read_posed
+from fidim_lab.app.analysis.pose_from import PosedCampaign, comparison, read_posed
 from fidim_lab.app.analysis.scaling import Forms, scaling_table
 from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.terminal import console
@@ -22,7 +22,7 @@ from fidim_lab.identification.identify import identify
 from fidim_lab.identification.mle.findings import OTHER_NOISE
 from fidim_lab.identification.motion.pose_sources import PoseSource
 from fidim_lab.identification.motion.recipe import BEST, PAPER, Recipe
-from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.result import IdentificationResult, ResultOutcome
 from fidim_lab.identification.results.result_file import write_result
 from fidim_lab.identification.results.validation import QUICK, THOROUGH
 from fidim_lab.model.native import compiler
@@ -55,7 +55,7 @@ def run_identify(
 
 
 def identify_posed(
-    posed: Posed, method: str | None = None, *, paper: bool = False, predict: bool = True
+    posed: PosedCampaign, method: str | None = None, *, paper: bool = False, predict: bool = True
 ) -> IdentificationResult:
     """As `run_identify`, from a campaign that is in memory."""
     asked = Method.TLS if paper else None if method is None else method_named(method)
@@ -85,8 +85,8 @@ def _unfollowed(result: IdentificationResult) -> bool:
     """Whether maximum likelihood says nothing of the body, and not why: what its model lacks, equations lack, too."""
     if result.cause:
         return False
-    failed = result.outcome in (Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
-    return failed and (result.outcome is Outcome.LOST_PHASE or (result.noise_ratio or np.inf) > FOLLOWED)
+    failed = result.outcome in (ResultOutcome.LOST_PHASE, ResultOutcome.NOT_CONVERGED)
+    return failed and (result.outcome is ResultOutcome.LOST_PHASE or (result.noise_ratio or np.inf) > FOLLOWED)
 
 
 def aligned(campaign: Campaign) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.identification.motion.pose_sources import PoseSource
 from fidim_lab.identification.motion.virtual_markers import PoseDifference, Sensed, with_poses_from
-from fidim_lab.identification.results.result import IdentificationResult, Parameter
+from fidim_lab.identification.results.result import IdentificationResult, InertialParameter
 from fidim_lab.units import millimetres
 
 DISAGREE = 2.0
@@ -20,7 +20,7 @@ DISAGREE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class PosedCampaign:
     """A campaign to identify from, and what is to be said of its poses."""
 
     campaign: Campaign
@@ -29,16 +29,16 @@ class Posed:
     """to the motion capture; empty where it is the source, or does not show the pose"""
 
 
-def read_posed(folder: Path, source: PoseSource = PoseSource.MOCAP) -> Posed:
+def read_posed(folder: Path, source: PoseSource = PoseSource.MOCAP) -> PosedCampaign:
     """Read a campaign with its poses from `source`. Raises FileError, and SetupError or RefusedError without poses."""
     campaign = read_campaign(folder)
     if source is PoseSource.MOCAP:
-        return Posed(campaign)
+        return PosedCampaign(campaign)
     sensed = with_poses_from(campaign, source)
-    return Posed(sensed.campaign, _notes(sensed, source), sensed.differences)
+    return PosedCampaign(sensed.campaign, _notes(sensed, source), sensed.differences)
 
 
-def comparison(posed: Posed, here: IdentificationResult, mocap: IdentificationResult) -> RenderableType:
+def comparison(posed: PosedCampaign, here: IdentificationResult, mocap: IdentificationResult) -> RenderableType:
     """Pose differences by window, and parameters from both sources side by side."""
     poses = Table(title="Poses against those of the motion capture (rms of one coordinate)")
     console.columns(poses, "window", "samples", "position, mm", "rotation, mrad")
@@ -52,7 +52,7 @@ def comparison(posed: Posed, here: IdentificationResult, mocap: IdentificationRe
     return Group(poses, both)
 
 
-def _shown(parameter: Parameter) -> str:
+def _shown(parameter: InertialParameter) -> str:
     spread = parameter.sd if parameter.spread is None else parameter.spread
     return f"{millimetres(parameter.value):.2f} ± {millimetres(spread):.2f}"
 

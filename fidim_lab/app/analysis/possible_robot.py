@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fidim_lab.app.doctor.robot_plausibility import (
-    Finding,
+    RobotFinding,
     attachments,
     body,
     inertia,
@@ -57,7 +57,7 @@ def doubting(path: Path, robot: Robot) -> Generator[None]:
         raise InfeasibleError(refusal.message, hint=_hint(path, doubts) or refusal.hint) from refusal
 
 
-def _hint(path: Path, doubts: list[Finding]) -> str:
+def _hint(path: Path, doubts: list[RobotFinding]) -> str:
     if not doubts:
         return ""
     said = " ".join(f"{finding.what}: {finding.found} {finding.advice}" for finding in doubts)

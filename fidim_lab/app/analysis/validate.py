@@ -15,7 +15,7 @@ from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.errors import SetupError
-from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
+from fidim_lab.identification.cross_validation import CrossValidation, JudgedWindow, Rule, cross_validate
 from fidim_lab.identification.equations.refusals import no_sigma
 from fidim_lab.identification.motion.recipe import BEST, PAPER
 from fidim_lab.identification.results.result_file import ResultTable
@@ -171,7 +171,7 @@ def _doubts(campaign: Campaign, given: ResultTable | ExplanationTable) -> list[s
     return [f"the parameters were identified with other nominal values ({names}): is it the same robot?"]
 
 
-def _bar(window: Judged) -> str:
+def _bar(window: JudgedWindow) -> str:
     if window.sigma_perp is None or window.expected is None:
         return ""
     length = min(LONGEST, round(BAR * window.sigma_perp / window.expected))
@@ -179,7 +179,7 @@ def _bar(window: Judged) -> str:
     return full.ljust(BAR) + "│" if length <= BAR else full[:BAR] + "│" + full[BAR:]
 
 
-def _verdict(window: Judged) -> str:
+def _verdict(window: JudgedWindow) -> str:
     match window.predicted:
         case True:
             return f"predicted ({window.why})" if window.why else "predicted"

@@ -7,7 +7,7 @@ from enum import StrEnum
 from rich.table import Table
 
 
-class Verdict(StrEnum):
+class CheckVerdict(StrEnum):
     """How a check ended."""
 
     OK = "ok"
@@ -22,12 +22,18 @@ class Verdict(StrEnum):
     @property
     def wrong(self) -> bool:
         """Whether it keeps an experiment from starting."""
-        return self in (Verdict.FAILED, Verdict.UNREACHABLE)
+        return self in (CheckVerdict.FAILED, CheckVerdict.UNREACHABLE)
 
 
 BY_TRIAL = "prove it at low speed and without load: fidim commission RIG"
 """what to do about a stop that is neither configured nor proven"""
-MARKS = {Verdict.OK: "✓", Verdict.WRITTEN: "→", Verdict.WARNING: "!", Verdict.FAILED: "✗", Verdict.UNREACHABLE: "✗"}
+MARKS = {
+    CheckVerdict.OK: "✓",
+    CheckVerdict.WRITTEN: "→",
+    CheckVerdict.WARNING: "!",
+    CheckVerdict.FAILED: "✗",
+    CheckVerdict.UNREACHABLE: "✗",
+}
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Check:
     """One line of the doctor's table."""
 
     name: str
-    verdict: Verdict
+    verdict: CheckVerdict
     found: str
     advice: str = ""
     wanted: str = ""
@@ -70,7 +76,7 @@ def summary(checks: Sequence[Check], wrong: Sequence[Check], unproven: int = 0) 
     """The last line. unproven: checks that ask for a trial before a run."""
     if not wrong:
         well = "Nothing is wrong" if unproven else "All well"
-        written = sum(check.verdict is Verdict.WRITTEN for check in checks)
+        written = sum(check.verdict is CheckVerdict.WRITTEN for check in checks)
         if written:
             well += f"; {written} values are written and read back at each start (→)"
         trial = f" Before a run, prove by trial what {unproven} of the checks ask for: fidim commission RIG"

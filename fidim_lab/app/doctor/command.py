@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 
-from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict, make_table, summary
+from fidim_lab.app.doctor.checks import BY_TRIAL, Check, CheckVerdict, make_table, summary
 from fidim_lab.app.doctor.permissions_doctor import check_permissions
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
@@ -69,7 +69,7 @@ def doctor_command(
     wrong = [check for check in checks if check.verdict.wrong]
     unproven = sum(check.advice == BY_TRIAL for check in checks if not check.verdict.wrong)
     console.out.print(summary(checks, wrong, unproven), markup=False)
-    if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
+    if any(check.verdict is CheckVerdict.UNREACHABLE for check in wrong):
         return HardwareError.exit_code
     return RefusedError.exit_code if wrong else 0
 
@@ -102,7 +102,7 @@ def check_python() -> Check:
     low, high = PYTHONS
     ok = low <= sys.version_info[:2] <= high
     advice = "" if ok else f"use Python {low[0]}.{low[1]} to {high[0]}.{high[1]}: make install PYTHON=python3.11"
-    return Check("Python", Verdict.OK if ok else Verdict.FAILED, sys.version.split()[0], advice)
+    return Check("Python", CheckVerdict.OK if ok else CheckVerdict.FAILED, sys.version.split()[0], advice)
 
 
 def check_libraries() -> Check:
@@ -115,8 +115,8 @@ def check_libraries() -> Check:
         except PackageNotFoundError:
             missing.append(name)
     if missing:
-        return Check("libraries", Verdict.FAILED, f"without {', '.join(missing)}", "make install")
-    return Check("libraries", Verdict.OK, ", ".join(found))
+        return Check("libraries", CheckVerdict.FAILED, f"without {', '.join(missing)}", "make install")
+    return Check("libraries", CheckVerdict.OK, ", ".join(found))
 
 
 def check_package_names() -> Check:
@@ -126,9 +126,9 @@ def check_package_names() -> Check:
     clashes = [f"{name} (from {', '.join(who)})" for name, who in strangers.items() if who]
     if clashes:
         return Check(
-            "package names", Verdict.FAILED, "; ".join(clashes), "install fidim-lab in an environment of its own"
+            "package names", CheckVerdict.FAILED, "; ".join(clashes), "install fidim-lab in an environment of its own"
         )
-    return Check("package names", Verdict.OK, "nobody else owns " + ", ".join(OUR_PACKAGES))
+    return Check("package names", CheckVerdict.OK, "nobody else owns " + ", ".join(OUR_PACKAGES))
 
 
 def check_can() -> Check:
@@ -140,8 +140,8 @@ def check_can() -> Check:
         socket.socket(getattr(socket, "PF_CAN", -1), socket.SOCK_RAW, getattr(socket, "CAN_RAW", 1)).close()
     except OSError as error:
         advice = "only needed for socketcan; adapters by slcan, pcan, kvaser … work without it"
-        return Check("CAN", Verdict.WARNING, f"no socketcan in the kernel ({error.strerror})", advice)
-    return Check("CAN", Verdict.OK, f"socketcan, and {interfaces} python-can interfaces")
+        return Check("CAN", CheckVerdict.WARNING, f"no socketcan in the kernel ({error.strerror})", advice)
+    return Check("CAN", CheckVerdict.OK, f"socketcan, and {interfaces} python-can interfaces")
 
 
 def check_udp() -> Check:
@@ -156,8 +156,8 @@ def check_udp() -> Check:
             sender.sendto(b"fidim", receiver.getsockname())
             receiver.recv(16)
         except OSError as error:
-            return Check("UDP", Verdict.FAILED, str(error), "allow UDP on this machine: a firewall stops it")
-    return Check("UDP", Verdict.OK, "a datagram came back over loopback")
+            return Check("UDP", CheckVerdict.FAILED, str(error), "allow UDP on this machine: a firewall stops it")
+    return Check("UDP", CheckVerdict.OK, "a datagram came back over loopback")
 
 
 def check_clock() -> Check:
@@ -165,7 +165,7 @@ def check_clock() -> Check:
     step = time.get_clock_info("monotonic").resolution
     ok = step <= CLOCK_STEP
     advice = "" if ok else "the system's timer is too coarse for 250 Hz; see the power settings"
-    return Check("clock", Verdict.OK if ok else Verdict.FAILED, f"monotonic, {step:.0e} s", advice)
+    return Check("clock", CheckVerdict.OK if ok else CheckVerdict.FAILED, f"monotonic, {step:.0e} s", advice)
 
 
 def check_disk() -> Check:
@@ -174,10 +174,12 @@ def check_disk() -> Check:
     free = shutil.disk_usage(here).free
     if not os.access(here, os.W_OK):
         return Check(
-            "disk", Verdict.FAILED, f"{here} is not writable", "start fidim in a folder of your own, or use --out"
+            "disk", CheckVerdict.FAILED, f"{here} is not writable", "start fidim in a folder of your own, or use --out"
         )
     ok = free > FREE_DISK
-    return Check("disk", Verdict.OK if ok else Verdict.FAILED, f"{free / 1e9:.1f} GB free", "" if ok else "make room")
+    return Check(
+        "disk", CheckVerdict.OK if ok else CheckVerdict.FAILED, f"{free / 1e9:.1f} GB free", "" if ok else "make room"
+    )
 
 
 CHECKS: tuple[Callable[[], Check], ...] = (
@@ -201,14 +203,14 @@ def check_robot(path: Path) -> list[Check]:
         robot = read_robot(path)
     except FidimError as error:
         advice = "mend the file" if path.exists() else "name another file; fidim init robot writes one"
-        return [Check(name, Verdict.FAILED, str(error), advice)]
+        return [Check(name, CheckVerdict.FAILED, str(error), advice)]
     count = len(robot.markers)
-    checks = [Check(name, Verdict.OK, f"{robot.n} cables, {count} marker{'s' * (count != 1)}, {robot.mass:g} kg")]
+    checks = [Check(name, CheckVerdict.OK, f"{robot.n} cables, {count} marker{'s' * (count != 1)}, {robot.mass:g} kg")]
     return checks + [
         Check(f"{name}: {what}", _verdict(ok, advice), found, advice) for what, ok, found, advice in plausibility(robot)
     ]
 
 
-def _verdict(ok: bool, advice: str) -> Verdict:
+def _verdict(ok: bool, advice: str) -> CheckVerdict:
     """What is well and still calls for advice is a warning."""
-    return Verdict.FAILED if not ok else Verdict.WARNING if advice else Verdict.OK
+    return CheckVerdict.FAILED if not ok else CheckVerdict.WARNING if advice else CheckVerdict.OK

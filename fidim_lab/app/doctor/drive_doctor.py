@@ -10,7 +10,7 @@ from pathlib import Path
 from drivers.cia402.dictionary import DriveFamily, Graded, Load, Met, WinchConfig, family_path, read_family
 from drivers.cia402.dictionary.family import GENERIC_FAMILY, families_of
 from drivers.cia402.dictionary.fitted import by_file
-from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict
+from fidim_lab.app.doctor.checks import BY_TRIAL, Check, CheckVerdict
 from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
 
 _CONTROLWORD = 0x6040
@@ -47,13 +47,13 @@ def check_dictionary(found: EdsFile, family: DriveFamily) -> list[Check]:
     checks = [_described(found, family.name), *check_family(found, family), *check_repairs(found)]
     if not able.has(_CONTROLWORD):
         advice = "give the file of a drive: this one describes an I/O module, a master or an encoder"
-        return [*checks, Check("drive", Verdict.FAILED, "no controlword (6040)", advice)]
-    return checks + check_grades(grades, unproven=Verdict.WARNING)
+        return [*checks, Check("drive", CheckVerdict.FAILED, "no controlword (6040)", advice)]
+    return checks + check_grades(grades, unproven=CheckVerdict.WARNING)
 
 
 def _described(found: EdsFile, family: str) -> Check:
     known = ", ".join(filter(None, (found.vendor, found.product))) or "no maker named"
-    return Check(f"EDS file {found.path.name}", Verdict.OK, f"{known}: {len(found.dictionary)} objects; {family}")
+    return Check(f"EDS file {found.path.name}", CheckVerdict.OK, f"{known}: {len(found.dictionary)} objects; {family}")
 
 
 def check_family(found: EdsFile, family: DriveFamily) -> list[Check]:
@@ -62,7 +62,7 @@ def check_family(found: EdsFile, family: DriveFamily) -> list[Check]:
     if not known:
         return []
     advice = f"try family {', '.join(known)}: a drive of other units goes at another speed than is meant"
-    return [Check(f"family of {found.path.name}", Verdict.WARNING, f"{family.name}, for {found.vendor}", advice)]
+    return [Check(f"family of {found.path.name}", CheckVerdict.WARNING, f"{family.name}, for {found.vendor}", advice)]
 
 
 def check_repairs(found: EdsFile) -> list[Check]:
@@ -72,7 +72,7 @@ def check_repairs(found: EdsFile) -> list[Check]:
         places.setdefault(repair.what, []).append(repair)
     advice = "nothing: it is repaired in memory; tell the maker"
     return [
-        Check(f"EDS file {found.path.name}", Verdict.WARNING, f"{what}: {_places(where)}", advice)
+        Check(f"EDS file {found.path.name}", CheckVerdict.WARNING, f"{what}: {_places(where)}", advice)
         for what, where in places.items()
     ]
 
@@ -85,20 +85,25 @@ def _places(repairs: Iterable[Repair]) -> str:
     return "; ".join(words)
 
 
-def check_grades(grades: Sequence[Graded], device: str = "", unproven: Verdict = Verdict.FAILED) -> list[Check]:
+def check_grades(
+    grades: Sequence[Graded], device: str = "", unproven: CheckVerdict = CheckVerdict.FAILED
+) -> list[Check]:
     """The grade table. unproven: what it is that a stop is neither configured nor proven."""
     return [_grade(line, device, unproven) for line in grades]
 
 
-def _grade(line: Graded, device: str, unproven: Verdict) -> Check:
+def _grade(line: Graded, device: str, unproven: CheckVerdict) -> Check:
     requirement = line.requirement
     match line.met:
         case Met.CONFIGURED | Met.TRIAL:
-            verdict, advice = Verdict.OK, ""
+            verdict, advice = CheckVerdict.OK, ""
         case Met.HOST:
-            verdict, advice = Verdict.WARNING, f"instead: {requirement.instead}"
+            verdict, advice = CheckVerdict.WARNING, f"instead: {requirement.instead}"
         case Met.ABSENT if requirement.trials:
             verdict, advice = unproven, BY_TRIAL
         case Met.ABSENT:
-            verdict, advice = Verdict.FAILED, "no winch can be moved by this drive; is it the EDS file of its firmware?"
+            verdict, advice = (
+                CheckVerdict.FAILED,
+                "no winch can be moved by this drive; is it the EDS file of its firmware?",
+            )
     return Check(requirement.key, verdict, f"{line.met}: {line.found}", advice, requirement.grade, device)

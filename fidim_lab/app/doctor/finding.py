@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 
-class Finding(NamedTuple):
+class RobotFinding(NamedTuple):
     """One check. A finding that is fine and still has advice is a warning: such a robot exists, but mind this."""
 
     what: str

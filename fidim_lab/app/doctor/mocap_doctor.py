@@ -9,7 +9,7 @@ from drivers.mocap.decoders import Upright, ViconDataStreamDecoder
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock, MarkerFrame
 from fidim_lab.app.compose.motion_capture import marker_source
-from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.app.formats.aligned import known_alignment
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import FidimError
@@ -46,18 +46,18 @@ async def check_motion_capture(file: RigFile, clock: Clock) -> tuple[list[Check]
     try:
         source = marker_source(file, clock)
     except FidimError as error:
-        return [Check("stream", Verdict.FAILED, error.message, error.hint, wanted, DEVICE)], None
+        return [Check("stream", CheckVerdict.FAILED, error.message, error.hint, wanted, DEVICE)], None
     try:
         try:
             await source.start()
             await source.ready(READY)
         except FidimError as error:
-            return [Check("stream", Verdict.UNREACHABLE, error.message, error.hint, wanted, DEVICE)], None
+            return [Check("stream", CheckVerdict.UNREACHABLE, error.message, error.hint, wanted, DEVICE)], None
         watched = await _watch(source, clock)
     finally:
         await source.close()
     names = entry.markers or tuple(f"marker {k}" for k in range(1, len(file.robot.markers) + 1))
-    checks = [Check("stream", Verdict.OK, "comes", wanted=wanted, device=DEVICE), *check_own_account(source)]
+    checks = [Check("stream", CheckVerdict.OK, "comes", wanted=wanted, device=DEVICE), *check_own_account(source)]
     checks += check_alignment(file)
     return [*checks, *check_timing(watched, entry.rate), *check_markers(watched, names)], watched
 
@@ -67,11 +67,11 @@ def check_alignment(file: RigFile) -> list[Check]:
     try:
         known = known_alignment(file)
     except FidimError as error:
-        return [Check("alignment", Verdict.FAILED, error.message, error.hint, device=DEVICE)]
+        return [Check("alignment", CheckVerdict.FAILED, error.message, error.hint, device=DEVICE)]
     if known is None:
         return []
     found = f"{1e3 * known.lag:.2f} ms late, ±{1e3 * known.sd:.2f} ms, by a jog of {known.at}"
-    return [Check("alignment", Verdict.OK, found, device=DEVICE)]
+    return [Check("alignment", CheckVerdict.OK, found, device=DEVICE)]
 
 
 def check_own_account(source: StreamMarkerSource) -> list[Check]:
@@ -79,7 +79,7 @@ def check_own_account(source: StreamMarkerSource) -> list[Check]:
     decoder = source.decoder.inner if isinstance(source.decoder, Upright) else source.decoder
     if not isinstance(decoder, ViconDataStreamDecoder) or decoder.latency is None:
         return []
-    return [Check("system's own latency", Verdict.OK, f"{1e3 * decoder.latency:.1f} ms", device=DEVICE)]
+    return [Check("system's own latency", CheckVerdict.OK, f"{1e3 * decoder.latency:.1f} ms", device=DEVICE)]
 
 
 async def _watch(source: StreamMarkerSource, clock: Clock) -> Watched:
@@ -103,7 +103,7 @@ def check_timing(watched: Watched, rate: float) -> list[Check]:
     fit = fit_clock([f.number for f in frames], [f.t for f in frames], rate)
     if fit is None:
         found = f"{len(frames)} frames in {watched.seconds:.1f} s"
-        return [Check("rate", Verdict.FAILED, found, "is the stream paused?", f"{rate:g} Hz", DEVICE)]
+        return [Check("rate", CheckVerdict.FAILED, found, "is the stream paused?", f"{rate:g} Hz", DEVICE)]
     measured = (frames[-1].number - frames[0].number) / (frames[-1].t - frames[0].t)
     bad = abs(measured / rate - 1.0) > RATE_ERROR
     advice = "set rate in the rig file to what the device sends, or the device to it" if bad else ""
@@ -133,4 +133,4 @@ def check_markers(watched: Watched, names: tuple[str, ...]) -> list[Check]:
 
 
 def _judged(name: str, bad: bool, found: str, advice: str, wanted: str) -> Check:
-    return Check(name, Verdict.FAILED if bad else Verdict.OK, found, advice if bad else "", wanted, DEVICE)
+    return Check(name, CheckVerdict.FAILED if bad else CheckVerdict.OK, found, advice if bad else "", wanted, DEVICE)

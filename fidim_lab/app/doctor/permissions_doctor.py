@@ -8,7 +8,7 @@ from pathlib import Path
 
 from serial.tools.list_ports import comports
 
-from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.app.service.place import runtime_folder
 from fidim_lab.errors import FidimError
 
@@ -20,14 +20,14 @@ def check_permissions() -> Check:
     try:
         folder = runtime_folder()
     except FidimError as error:
-        return Check(NAME, Verdict.FAILED, error.message, error.hint)
+        return Check(NAME, CheckVerdict.FAILED, error.message, error.hint)
     ports = [Path(port.device) for port in comports()]
     closed = [port for port in ports if not os.access(port, os.R_OK | os.W_OK)]
     if closed:
         found = f"{', '.join(map(str, closed))} cannot be opened by you"
-        return Check(NAME, Verdict.WARNING, found, f"for adapters there: {_remedy(closed)}")
+        return Check(NAME, CheckVerdict.WARNING, found, f"for adapters there: {_remedy(closed)}")
     opened = f", serial {', '.join(map(str, ports))}" if ports else ", no serial port is plugged in"
-    return Check(NAME, Verdict.OK, f"sockets in {folder}{opened}")
+    return Check(NAME, CheckVerdict.OK, f"sockets in {folder}{opened}")
 
 
 def _remedy(closed: list[Path]) -> str:

@@ -22,7 +22,7 @@ from drivers.ports import Clock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus
 from fidim_lab.app.compose.winches import winch_configs
-from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
@@ -37,15 +37,17 @@ LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""
 HEARTBEAT = 0x700
 STANDINGS = {
-    Standing.HOLDS: Verdict.OK,
-    Standing.TO_BE_WRITTEN: Verdict.WRITTEN,
-    Standing.WRONG: Verdict.FAILED,
+    Standing.HOLDS: CheckVerdict.OK,
+    Standing.TO_BE_WRITTEN: CheckVerdict.WRITTEN,
+    Standing.WRONG: CheckVerdict.FAILED,
 }
 
 
 def check_rig(file: RigFile) -> list[Check]:
     """All checks of a rig; what cannot be reached is a check that says so."""
-    checks = [Check(f"rig {file.path.name}", Verdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")]
+    checks = [
+        Check(f"rig {file.path.name}", CheckVerdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")
+    ]
     checks += [*check_reach(file), *check_tensions(file)]
     for eds, name in sorted({(entry.eds, entry.family) for entry in file.winches if entry.eds is not None}):
         with contextlib.suppress(FidimError):  # said with its winch, where the drives are asked
@@ -73,17 +75,17 @@ async def _check_bus(file: RigFile, clock: Clock) -> tuple[list[Check], Lengths 
     try:
         transport = open_bus(file)
     except (SetupError, BusError) as error:
-        return [Check("CAN bus", Verdict.UNREACHABLE, error.message, error.hint, file.bus.name)], None
-    checks = [Check("CAN bus", Verdict.OK, "open", wanted=file.bus.name)]
+        return [Check("CAN bus", CheckVerdict.UNREACHABLE, error.message, error.hint, file.bus.name)], None
+    checks = [Check("CAN bus", CheckVerdict.OK, "open", wanted=file.bus.name)]
     try:
         master = make_master(file, transport, clock)
         winches = [Cia402Winch(config, master) for config in winch_configs(file)]
         checks.append(_check_load(master))
         others = await _listen(file, transport, clock)
         checks += others
-        if any(check.verdict is Verdict.FAILED for check in others):
+        if any(check.verdict is CheckVerdict.FAILED for check in others):
             advice = "end the other master first: questions of ours would mix with its own"
-            return [*checks, Check("drives", Verdict.FAILED, "not asked, another master is at work", advice)], None
+            return [*checks, Check("drives", CheckVerdict.FAILED, "not asked, another master is at work", advice)], None
         for number, winch in enumerate(winches):
             asked = await _check_drive(file, winch)
             checks += asked
@@ -92,10 +94,10 @@ async def _check_bus(file: RigFile, clock: Clock) -> tuple[list[Check], Lengths 
             if transport.fault is not None:
                 rest = ", ".join(other.name for other in winches[number + 1 :])
                 problem = f"{transport.fault}{f'; not asked: {rest}' if rest else ''}"
-                checks.append(Check("CAN bus", Verdict.UNREACHABLE, problem, "look at adapter and cable"))
+                checks.append(Check("CAN bus", CheckVerdict.UNREACHABLE, problem, "look at adapter and cable"))
                 break
     except FidimError as error:
-        verdict = Verdict.UNREACHABLE if isinstance(error, HardwareError) else Verdict.FAILED
+        verdict = CheckVerdict.UNREACHABLE if isinstance(error, HardwareError) else CheckVerdict.FAILED
         checks.append(Check("CAN bus", verdict, error.message, error.hint))
     finally:
         transport.close()
@@ -112,7 +114,7 @@ async def _length(winch: Cia402Winch) -> list[float]:
 
 def _check_load(master: CanopenMaster) -> Check:
     wanted = f"at most {MAX_LOAD:.0%}"
-    return Check("CAN bus load", Verdict.OK, f"{master.load:.0%} at worst, by calculation", wanted=wanted)
+    return Check("CAN bus load", CheckVerdict.OK, f"{master.load:.0%} at worst, by calculation", wanted=wanted)
 
 
 async def _listen(file: RigFile, transport: PythonCanTransport, clock: Clock) -> list[Check]:
@@ -132,12 +134,12 @@ async def _listen(file: RigFile, transport: PythonCanTransport, clock: Clock) ->
     says = strangers.says
     advice = "end the other master: two on one bus fight over the drives" if says else ""
     found = f"{says} in {LISTEN:g} s" if says else "nobody"
-    checks = [Check("other masters", Verdict.FAILED if says else Verdict.OK, found, advice, "nobody")]
+    checks = [Check("other masters", CheckVerdict.FAILED if says else CheckVerdict.OK, found, advice, "nobody")]
     nodes = {identifier - HEARTBEAT for identifier in heard if 0 < identifier - HEARTBEAT < 127}
     others = sorted(nodes - {entry.node_id for entry in file.winches} - {file.bus.host_id})
     if others:
         found, advice = f"node {', '.join(map(str, others))}", "not in the rig file; their frames add to the load"
-        checks.append(Check("other nodes", Verdict.WARNING, found, advice))
+        checks.append(Check("other nodes", CheckVerdict.WARNING, found, advice))
     return checks
 
 
@@ -148,10 +150,12 @@ async def _check_drive(file: RigFile, winch: Cia402Winch) -> list[Check]:
     except DeviceError as error:
         advice = error.hint or "check its power, its node id, the bit rate and the bus's termination"
         found = error.message.removeprefix(f"{winch.config.device}: ")
-        return [Check("drive", Verdict.UNREACHABLE, found, advice, f"node {winch.config.node_id}", winch.name)]
+        return [Check("drive", CheckVerdict.UNREACHABLE, found, advice, f"node {winch.config.node_id}", winch.name)]
     says = winch.link.twins.says
     advice = "unplug one, or give it an id of its own" if says else ""
-    alone = Check("nodes of this id", Verdict.FAILED if says else Verdict.OK, says or "one", advice, "one", winch.name)
+    alone = Check(
+        "nodes of this id", CheckVerdict.FAILED if says else CheckVerdict.OK, says or "one", advice, "one", winch.name
+    )
     return [alone, *(_as_check(item, winch.name) for item in inspected), *check_grades(grades, winch.name)]
 
 
@@ -163,14 +167,14 @@ def _as_check(item: InspectedObject, device: str) -> Check:
 async def _check_hand(file: RigFile) -> Check:
     hand = file.hand
     if hand is None:
-        return Check("prompts", Verdict.OK, "a person answers")
+        return Check("prompts", CheckVerdict.OK, "a person answers")
     try:
         _, writer = await asyncio.open_connection(hand.host, hand.port)
     except OSError as error:
         found = f"{hand.host}:{hand.port}: {error.strerror or error}"
-        return Check("simulated hand", Verdict.UNREACHABLE, found, "is `fidim simulators` running?")
+        return Check("simulated hand", CheckVerdict.UNREACHABLE, found, "is `fidim simulators` running?")
     writer.close()
-    return Check("simulated hand", Verdict.OK, f"{hand.host}:{hand.port} answers")
+    return Check("simulated hand", CheckVerdict.OK, f"{hand.host}:{hand.port} answers")
 
 
 def check_tensions(file: RigFile) -> list[Check]:
@@ -181,25 +185,27 @@ def check_tensions(file: RigFile) -> list[Check]:
         carried = entry.current_limit * winch.newton_per_ampere
         wanted = f"above {high:g} N"
         advice = "" if carried > high else "raise current_limit, or lower the robot file's upper tension limit"
-        verdict = Verdict.FAILED if advice else Verdict.OK
+        verdict = CheckVerdict.FAILED if advice else CheckVerdict.OK
         checks.append(Check("tension at current_limit", verdict, f"{carried:.0f} N", advice, wanted, entry.name))
     for entry, winch in zip(file.winches, file.robot.winches or (), strict=True):
         if entry.tension.gain is None:
             found = f"{winch.newton_per_ampere:.3g} N/A by drum, gear and efficiency"
             advice = "measure gain, offset and friction at known poses; tensions from currents are good to ± 10 %"
-            checks.append(Check("tension calibration", Verdict.WARNING, found, advice, "measured", entry.name))
+            checks.append(Check("tension calibration", CheckVerdict.WARNING, found, advice, "measured", entry.name))
         else:
             found = f"{entry.tension.gain:g} N/A, {entry.tension.offset:+g} N ± {entry.tension.friction or 0:g} N"
             friction = entry.tension.friction
             advice = "" if friction is None or friction < low else "friction hides the lower tension limit"
-            verdict = Verdict.FAILED if advice else Verdict.OK
+            verdict = CheckVerdict.FAILED if advice else CheckVerdict.OK
             checks.append(Check("tension calibration", verdict, found, advice, "measured", entry.name))
     return checks
 
 
 def check_guards(file: RigFile) -> list[Check]:
     """The reaction table, for a person to read."""
-    return [Check(f"guard {name.replace('_', ' ')}", Verdict.OK, _words(entry)) for name, entry in file.guards.items()]
+    return [
+        Check(f"guard {name.replace('_', ' ')}", CheckVerdict.OK, _words(entry)) for name, entry in file.guards.items()
+    ]
 
 
 def _words(entry: GuardEntry) -> str:

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.finding import RobotFinding
 from fidim_lab.arrays import PerCable, Positions
 from fidim_lab.data.records import Robot
 from fidim_lab.model.mechanism import Mechanism
@@ -25,17 +25,19 @@ THIN = 0.03
 """second singular value of points about their mean over the first, below which they lie on a line: 3 cm in a metre"""
 
 
-def copies(robot: Robot) -> Finding:
+def copies(robot: Robot) -> RobotFinding:
     """No two cables have one anchor: that is a table that was copied and not changed."""
     for (j, one), (k, other) in combinations(enumerate(robot.cables, start=1), 2):
         if np.array_equal(one.d, other.d):
             same = " and a" if np.array_equal(one.a, other.a) else ""
             found = f"Cables {j} and {k} have the same d{same}: {_numbers(one.d)} m."
-            return Finding("copies", False, found, f"Measure D of cable {k}: its table looks copied from cable {j}.")
-    return Finding("copies", True, f"All {robot.n} anchors are at places of their own.")
+            return RobotFinding(
+                "copies", False, found, f"Measure D of cable {k}: its table looks copied from cable {j}."
+            )
+    return RobotFinding("copies", True, f"All {robot.n} anchors are at places of their own.")
 
 
-def roll(robot: Robot) -> Finding:
+def roll(robot: Robot) -> RobotFinding:
     """Anchors and attachments of three cables or more are not on one line."""
     anchors, held = (np.array([getattr(cable, key) for cable in robot.cables]) for key in ("d", "a"))
     wide = {"anchors (d)": _slenderness(anchors), "attachments (a)": _slenderness(held)}
@@ -43,20 +45,22 @@ def roll(robot: Robot) -> Finding:
     found = f"Width over length of their area: {shown}."
     thin = [name for name, value in wide.items() if value < THIN]
     if robot.n < 3 or not thin:
-        return Finding("roll", True, found if robot.n > 2 else f"{robot.n} cables leave the platform free to roll.")
+        return RobotFinding(
+            "roll", True, found if robot.n > 2 else f"{robot.n} cables leave the platform free to roll."
+        )
     advice = (
         f"All {' and all '.join(thin)} lie on one line: no cable resists a turn about it, only gravity does. Check the "
         "coordinates; if it is built so, expect one slow mode, and an inertia about that line that is poorly seen."
     )
-    return Finding("roll", True, found, advice)
+    return RobotFinding("roll", True, found, advice)
 
 
-def pulleys(mechanism: Mechanism, rests: Sequence[Equilibrium]) -> Finding:
+def pulleys(mechanism: Mechanism, rests: Sequence[Equilibrium]) -> RobotFinding:
     """Cables leave their pulleys forwards, and all of them alike."""
     robot, rest = mechanism.robot, rests[len(rests) // 2]
     turned = [k for k, cable in enumerate(robot.cables) if cable.radius > 0]
     if not turned:
-        return Finding("pulleys", True, "No cable passes a pulley (radius 0).")
+        return RobotFinding("pulleys", True, "No cable passes a pulley (radius 0).")
     at = (rest.pose.position[np.newaxis], rest.pose.rotation[np.newaxis])
     wraps = np.degrees(mechanism.wrap_angles(*at)[0])
     shown = ", ".join(f"{wraps[k]:.0f}°" for k in turned)
@@ -68,9 +72,9 @@ def pulleys(mechanism: Mechanism, rests: Sequence[Equilibrium]) -> Finding:
             f"Cable {named} leaves its pulley backwards: A is nearer to the swivel axis than the pulley is wide, or "
             "z is wrong. z points along the cable from the winch to D."
         )
-        return Finding("pulleys", False, found, advice)
+        return RobotFinding("pulleys", False, found, advice)
     away = _away(robot, np.degrees(mechanism.swivel_angles(*at)[0]), turned)
-    return Finding("pulleys", True, found, _unlike(robot, wraps, turned) or away)
+    return RobotFinding("pulleys", True, found, _unlike(robot, wraps, turned) or away)
 
 
 def _unlike(robot: Robot, wraps: PerCable, turned: list[int]) -> str:

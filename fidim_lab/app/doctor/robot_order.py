@@ -10,7 +10,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.finding import RobotFinding
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.workspace import Workspace, rest_near
@@ -22,7 +22,7 @@ DEPTHS = (0.3, 0.5, 0.7, 0.9)
 DOWN = np.array([0.0, 0.0, -9.81])
 
 
-def order(robot: Robot, rests: Sequence[Equilibrium]) -> Finding:
+def order(robot: Robot, rests: Sequence[Equilibrium]) -> RobotFinding:
     """Seen along gravity no cables cross, or lead across the platform, as with exchanged attachments they do."""
     pose = rests[len(rests) // 2].pose
     across = np.linalg.svd(robot.gravity[np.newaxis])[2][1:]
@@ -33,9 +33,9 @@ def order(robot: Robot, rests: Sequence[Equilibrium]) -> Finding:
     says = [f"cables {j} and {k} cross" for j, k in crossed]
     says += [f"cable {', '.join(far)} is tied to the far side of the platform"] if far and robot.n > 2 else []
     if not says:
-        return Finding("order", True, f"Seen from above none of the {robot.n} cables cross.")
+        return RobotFinding("order", True, f"Seen from above none of the {robot.n} cables cross.")
     advice = "Is each a that of the same cable's d? Such cables are seldom built."
-    return Finding("order", True, f"Seen from above {'; '.join(says)}.", advice)
+    return RobotFinding("order", True, f"Seen from above {'; '.join(says)}.", advice)
 
 
 def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> bool:

@@ -1,12 +1,12 @@
 """Is a robot file plausible? It may read well and still hold millimetres, an inertia in kg m², or no place to rest.
 
-`plausibility` gives one `Finding` a check, in the order in which a person would look: units first, and nothing further
-where those are wrong. A finding that is fine and still has advice is a warning: such a robot exists, but mind this.
+`plausibility` gives one `RobotFinding` a check, in the order in which a person would look: units first, and nothing
+further where those are wrong. One that is fine and still has advice is a warning: such a robot exists, but mind this.
 """
 
 import numpy as np
 
-from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.finding import RobotFinding
 from fidim_lab.app.doctor.robot_cables import copies, pulleys, roll
 from fidim_lab.app.doctor.robot_order import order, what_would_rest
 from fidim_lab.app.doctor.robot_uncertainties import uncertainties
@@ -47,7 +47,7 @@ NEUTRAL = 1e-3
 """Hz"""
 
 
-def plausibility(robot: Robot) -> list[Finding]:
+def plausibility(robot: Robot) -> list[RobotFinding]:
     """All checks of a robot that has been read. Raises nothing: what cannot be computed is a finding."""
     if not (first := units(robot)).ok:
         return [first]
@@ -63,7 +63,7 @@ def plausibility(robot: Robot) -> list[Finding]:
     return findings
 
 
-def units(robot: Robot) -> Finding:
+def units(robot: Robot) -> RobotFinding:
     """Metres, not millimetres."""
     sizes: dict[str, float] = {"platform, marker": _largest(robot.markers)}
     for number, cable in enumerate(robot.cables, start=1):
@@ -72,34 +72,34 @@ def units(robot: Robot) -> Finding:
     key = max(sizes, key=lambda name: sizes[name])
     if sizes[key] > HALL:
         found = f"{key.capitalize()} holds {sizes[key]:g}, which would be metres."
-        return Finding("units", False, found, "Lengths are in metres: divide millimetres by 1000, everywhere.")
+        return RobotFinding("units", False, found, "Lengths are in metres: divide millimetres by 1000, everywhere.")
     number, radius = max(enumerate((cable.radius for cable in robot.cables), start=1), key=lambda item: item[1])
     if radius > LARGEST_PULLEY:
         found = f"Cable {number}, radius is {radius:g} m."
-        return Finding("units", False, found, "Pulley radii are in metres, as everything: 25 mm is 0.025.")
-    return Finding("units", True, f"The largest coordinate is {sizes[key]:.3g} m ({key}): metres.")
+        return RobotFinding("units", False, found, "Pulley radii are in metres, as everything: 25 mm is 0.025.")
+    return RobotFinding("units", True, f"The largest coordinate is {sizes[key]:.3g} m ({key}): metres.")
 
 
-def attachments(robot: Robot) -> Finding:
+def attachments(robot: Robot) -> RobotFinding:
     """Attachment points and markers near P, in the body frame and not in the world's."""
     reach = {f"attachment of cable {k}": float(np.linalg.norm(c.a)) for k, c in enumerate(robot.cables, start=1)}
     reach |= {f"marker {k}": float(np.linalg.norm(m)) for k, m in enumerate(robot.markers, start=1)}
     key = max(reach, key=lambda name: reach[name])
     found = f"The farthest point of the platform is the {key}, {reach[key]:.3f} m from P."
     if reach[key] <= REACH:
-        return Finding("attachments", True, found)
+        return RobotFinding("attachments", True, found)
     frame, wide = (_spread(np.array([getattr(cable, key) for cable in robot.cables])) for key in ("d", "a"))
     aside = float(np.linalg.norm(np.mean([cable.a for cable in robot.cables], axis=0)))
     advice = "a and markers are in the body frame, from P, in metres; a platform wider than a metre is unusual."
     if reach[key] <= frame and aside <= ASIDE * wide:
-        return Finding("attachments", True, found, advice)
+        return RobotFinding("attachments", True, found, advice)
     found += (
         f" The anchors (d) lie within {frame:.3f} m of their middle, that of the attachments is {aside:.3f} m from P."
     )
-    return Finding("attachments", False, found, advice)
+    return RobotFinding("attachments", False, found, advice)
 
 
-def inertia(robot: Robot) -> Finding:
+def inertia(robot: Robot) -> RobotFinding:
     """Inertia per unit mass: no radius of gyration beyond the body."""
     com = robot.nominal.com
     reach = max(float(np.linalg.norm(point - com)) for point in (*(c.a for c in robot.cables), *robot.markers))
@@ -109,9 +109,9 @@ def inertia(robot: Robot) -> Finding:
         f"The largest radius of gyration about G is {gyration:.3f} m; the attachments and markers reach {reach:.3f} m."
     )
     if gyration <= GYRATION * reach:
-        return Finding("inertia", True, found)
+        return RobotFinding("inertia", True, found)
     advice = "nominal_inertia is per unit mass, in m², about P. " + _in_other_units(gyration, reach, robot.mass)
-    return Finding("inertia", False, found, advice)
+    return RobotFinding("inertia", False, found, advice)
 
 
 def _in_other_units(gyration: float, reach: float, mass: float) -> str:
@@ -124,19 +124,21 @@ def _in_other_units(gyration: float, reach: float, mass: float) -> str:
     return f"Divide kg m² by the mass ({mass:g} kg), kg mm² by {1e6 * mass:g}."
 
 
-def body(robot: Robot) -> Finding:
+def body(robot: Robot) -> RobotFinding:
     """A positive definite pseudo-inertia."""
     moments = np.linalg.eigvalsh(robot.nominal.inertia_about_com)
     shown = ", ".join(f"{moment:.4g}" for moment in moments)
     if can_exist(robot.nominal):
-        return Finding("body", True, f"The nominal body can exist: principal moments about G {shown} m² per unit mass.")
+        return RobotFinding(
+            "body", True, f"The nominal body can exist: principal moments about G {shown} m² per unit mass."
+        )
     why = "one is not positive" if moments[0] <= 0 else "the largest is not below the sum of the others"
     found = f"No body has these parameters: principal moments about G {shown} m² per unit mass, {why}."
     advice = "nominal_inertia is about P, not about G, and per unit mass; its order is xx yy zz xy xz yz."
-    return Finding("body", False, found, advice)
+    return RobotFinding("body", False, found, advice)
 
 
-def weight(robot: Robot) -> Finding:
+def weight(robot: Robot) -> RobotFinding:
     """Tension limits that can carry the platform."""
     pull = robot.mass * float(np.linalg.norm(robot.gravity))
     low, high = robot.limits.tension
@@ -144,11 +146,13 @@ def weight(robot: Robot) -> Finding:
         f"{robot.mass:g} kg weigh {pull:.1f} N; limits.tension is {low:g} to {high:g} N for each of {robot.n} cable(s)."
     )
     if robot.n * high <= pull:
-        return Finding("weight", False, found, "All cables together cannot carry it: check mass and limits.tension.")
+        return RobotFinding(
+            "weight", False, found, "All cables together cannot carry it: check mass and limits.tension."
+        )
     if low >= pull:
         advice = "Each cable would have to pull with more than the whole weight: check mass and limits.tension (N)."
-        return Finding("weight", False, found, advice)
-    return Finding("weight", True, found, _unusual_gravity(robot))
+        return RobotFinding("weight", False, found, advice)
+    return RobotFinding("weight", True, found, _unusual_gravity(robot))
 
 
 def _unusual_gravity(robot: Robot) -> str:
@@ -174,7 +178,7 @@ def middle_rests(mechanism: Mechanism) -> list[Equilibrium]:
     return rests
 
 
-def rest(robot: Robot, rests: list[Equilibrium]) -> Finding:
+def rest(robot: Robot, rests: list[Equilibrium]) -> RobotFinding:
     """Rest poses within the tension limits."""
     low, high = robot.limits.tension
     held = [tension for r in rests for tension in [r.tensions_in_newton(robot.mass)]]
@@ -187,10 +191,10 @@ def rest(robot: Robot, rests: list[Equilibrium]) -> Finding:
             f"At {sum(good)} of {tried} the platform rests with all tensions within {low:g} to {high:g} N "
             f"(marker at z = {min(place):.2f} to {max(place):.2f} m)."
         )
-        return Finding("rest", True, found, advice)
+        return RobotFinding("rest", True, found, advice)
     advice = advice or "Check d and a (world and body frame), order of the cables, gravity, mass and limits.tension."
     if not held:
-        return Finding(
+        return RobotFinding(
             "rest", False, f"At none of {tried} the platform rests with taut cables in their limits.", advice
         )
     closest = min(held, key=lambda tension: max(low - tension.min(), tension.max() - high))
@@ -198,10 +202,10 @@ def rest(robot: Robot, rests: list[Equilibrium]) -> Finding:
         f"At none of {tried} it rests with all tensions within {low:g} to {high:g} N; "
         f"nearest are {closest.min():.1f} to {closest.max():.1f} N."
     )
-    return Finding("rest", False, found, advice)
+    return RobotFinding("rest", False, found, advice)
 
 
-def soft_modes(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
+def soft_modes(mechanism: Mechanism, rests: list[Equilibrium]) -> RobotFinding:
     """How firmly the cables hold the platform: the smallest scaled singular value of Ξ against the next."""
     values = scaled_singular_values(
         mechanism.structure_matrix(
@@ -209,12 +213,12 @@ def soft_modes(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
         )
     )
     if mechanism.n == 1:
-        return Finding("soft modes", True, "A single cable has no soft mode.")
+        return RobotFinding("soft modes", True, "A single cable has no soft mode.")
     worst = values[int(np.argmin(values[:, -1] / values[:, -2]))]
     ratio = worst[-1] / worst[-2]
     found = f"The smallest scaled singular value of Ξ is {worst[-1]:.3f}, {ratio:.2f} of the next."
     if ratio >= SOFT:
-        return Finding("soft modes", True, found)
+        return RobotFinding("soft modes", True, found)
     lever = max(float(worst[-1]) * ROTATION_SCALE, 1e-6)
     turn = np.degrees(STRETCH / lever)
     size = f"about {turn:.0f}°" if turn < 90 else "freely"
@@ -223,19 +227,21 @@ def soft_modes(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
         "Do not take these cables as rigid: the rigid model is the wrong one here (elastic cables are needed). Wider "
         "attachments or crossed cables would hold it."
     )
-    return Finding("soft modes", True, found, advice)
+    return RobotFinding("soft modes", True, found, advice)
 
 
-def frequencies(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
+def frequencies(mechanism: Mechanism, rests: list[Equilibrium]) -> RobotFinding:
     """Mode frequencies against the marker rate and the low-pass."""
     what, nominal = "frequencies", mechanism.robot.nominal
     try:
         found_modes = np.concatenate([modes(mechanism, nominal, r).frequencies for r in rests])
     except FidimError as error:
-        return Finding(what, False, error.message, error.hint)
+        return RobotFinding(what, False, error.message, error.hint)
     swinging = found_modes[found_modes > NEUTRAL]
     if not len(swinging):
-        return Finding(what, False, "No freedom of the platform swings: nothing can be identified.", "Check d and a.")
+        return RobotFinding(
+            what, False, "No freedom of the platform swings: nothing can be identified.", "Check d and a."
+        )
     slow, fast = float(swinging.min()), float(swinging.max())
     found = (
         f"Modes from {slow:.2f} to {fast:.2f} Hz: {MARKER_RATE / fast:.0f} samples a swing or more at "
@@ -243,7 +249,7 @@ def frequencies(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
     )
     if fast >= STOP_BAND:
         advice = "The low-pass removes the fastest mode: total least squares cannot see it. Check inertia and geometry."
-        return Finding(what, False, found, advice)
+        return RobotFinding(what, False, found, advice)
     if 2 * fast >= STOP_BAND:
         advice = "The harmonics of the fastest mode reach the low-pass: prefer methods that do not filter (mle)."
     elif slow < SLOWEST:
@@ -252,7 +258,7 @@ def frequencies(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
         advice = "A freedom has no restoring force (it turns freely): the inertia about it is seen only while it turns."
     else:
         advice = ""
-    return Finding(what, True, found, advice)
+    return RobotFinding(what, True, found, advice)
 
 
 def _largest(values: np.ndarray) -> float:

@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.finding import RobotFinding
 from fidim_lab.arrays import Positions
 from fidim_lab.data.records import Robot, Survey
 
@@ -17,15 +17,17 @@ RADIAN = 1.0
 """rad"""
 
 
-def uncertainties(robot: Robot) -> Finding:
+def uncertainties(robot: Robot) -> RobotFinding:
     """[sensors] and [survey] in m and rad."""
     wrong = [*_sensors(robot), *(() if robot.survey is None else _survey(robot, robot.survey))]
     if wrong:
         found = f"{'; '.join(wrong)}."
         advice = "Standard deviations are in m and rad: 0.1 mm is 1e-4, 5 mrad 5e-3."
-        return Finding("uncertainties", False, found, advice)
+        return RobotFinding("uncertainties", False, found, advice)
     noise, count = 1e3 * robot.sensors.marker_noise, 1e3 * robot.sensors.encoder_resolution
-    return Finding("uncertainties", True, f"Markers are good to {noise:.3g} mm, a count is {count:.2g} mm of cable.")
+    return RobotFinding(
+        "uncertainties", True, f"Markers are good to {noise:.3g} mm, a count is {count:.2g} mm of cable."
+    )
 
 
 def _sensors(robot: Robot) -> list[str]:

@@ -14,7 +14,7 @@ from drivers.ports import Clock, ReleaseState
 from drivers.serial_line.gauge import LineGauge
 from drivers.serial_line.release import SerialRelease
 from fidim_lab.app.compose.serial_devices import serial_devices
-from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_serial import GaugeEntry
 from fidim_lab.errors import FidimError
@@ -37,7 +37,7 @@ async def check_serial(file: RigFile, clock: Clock) -> list[Check]:
     try:
         devices = serial_devices(file, clock)
     except FidimError as error:
-        return [Check("serial devices", Verdict.FAILED, error.message, error.hint)]
+        return [Check("serial devices", CheckVerdict.FAILED, error.message, error.hint)]
     checks: list[Check] = []
     if devices.release is not None:
         checks += await _check_release(devices.release, clock)
@@ -56,10 +56,10 @@ async def _check_release(release: SerialRelease, clock: Clock) -> list[Check]:
         if release.state is ReleaseState.UNKNOWN:
             heard = f"{release.ignored} lines that tell no state" if release.ignored else "no answer"
             advice = "check plug, baud, and the texts of ask, holds and released"
-            return [Check("state", Verdict.UNREACHABLE, release.problem or heard, advice, device=RELEASE)]
+            return [Check("state", CheckVerdict.UNREACHABLE, release.problem or heard, advice, device=RELEASE)]
         held = release.state is ReleaseState.HOLDS
         advice = "it holds something already: is another program using it?" if held else ""
-        verdict = Verdict.WARNING if held else Verdict.OK
+        verdict = CheckVerdict.WARNING if held else CheckVerdict.OK
         return [Check("state", verdict, f"{release.state}", advice, f"{ReleaseState.RELEASED}", RELEASE)]
 
 
@@ -79,26 +79,26 @@ async def _check_gauge(gauge: LineGauge, entry: GaugeEntry, clock: Clock) -> lis
 def _silent(gauge: LineGauge) -> Check:
     heard = f"{gauge.counters.malformed} lines, none like the pattern" if gauge.counters.malformed else "no line"
     advice = "check plug, baud, pattern, and whether it must be asked"
-    return Check("readings", Verdict.UNREACHABLE, gauge.problem or heard, advice, gauge.config.pattern)
+    return Check("readings", CheckVerdict.UNREACHABLE, gauge.problem or heard, advice, gauge.config.pattern)
 
 
 def _value(gauge: LineGauge) -> Check:
     reading = gauge.latest()
     values = () if reading is None else reading.values
     shown = ", ".join(f"{column} {value:.4g}" for column, value in zip(gauge.columns, values, strict=True))
-    return Check("readings", Verdict.OK, shown, wanted=gauge.config.pattern)
+    return Check("readings", CheckVerdict.OK, shown, wanted=gauge.config.pattern)
 
 
 def _lines(entry: GaugeEntry, lines: int, malformed: int, seconds: float) -> list[Check]:
     rate = lines / seconds
     bad = abs(rate / entry.rate - 1.0) > RATE_ERROR and abs(lines - entry.rate * seconds) > 1.5
     advice = "set rate in the rig file to what the device sends, or the device to it" if bad else ""
-    verdict = Verdict.WARNING if bad else Verdict.OK
+    verdict = CheckVerdict.WARNING if bad else CheckVerdict.OK
     checks = [Check("rate", verdict, f"{rate:.1f} Hz", advice, f"{entry.rate:g} Hz")]
     share = malformed / max(lines, 1)
     if share > USELESS:
         advice = "compare the lines with the pattern (a terminal program shows them); is the device beyond its range?"
-        checks.append(Check("lines not like the pattern", Verdict.FAILED, f"{share:.0%}", advice))
+        checks.append(Check("lines not like the pattern", CheckVerdict.FAILED, f"{share:.0%}", advice))
     return checks
 
 

@@ -10,7 +10,7 @@ from fidim_lab.app.records.compare_sessions import ComparedSession
 from fidim_lab.app.report.sections.explained import VERDICTS
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
-from fidim_lab.identification.results.result_file import ParameterTable, ResultTable, WindowTable
+from fidim_lab.identification.results.result_file import ParameterTable, ResultTable, ResultWindow
 
 CHANCE = 0.01
 """of calling two sessions of one body different: shared evenly among the nine parameters (Bonferroni)"""
@@ -47,8 +47,8 @@ class WindowPair:
     """Windows of one name; None where a session has none."""
 
     id: str
-    a: WindowTable | None
-    b: WindowTable | None
+    a: ResultWindow | None
+    b: ResultWindow | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,5 +220,5 @@ def _side(session: ComparedSession) -> dict[str, object]:
     }
 
 
-def _window(one: WindowTable | None) -> dict[str, object] | None:
+def _window(one: ResultWindow | None) -> dict[str, object] | None:
     return None if one is None else one.model_dump(mode="json", exclude={"id"})

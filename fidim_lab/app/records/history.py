@@ -23,8 +23,8 @@ from fidim_lab.data.files.toml_file import read_toml_table
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import FidimError, FileError
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Entry, Kind, read_journal
-from procedures.steps import Accept, CheckWindow, GiveUp, Record, Verdict
+from procedures.recording.journal import Entry, LineKind, read_journal
+from procedures.steps import Accept, CheckWindow, GiveUp, GiveUpWithoutPower, Record
 
 FORMAT = "fidim-history/1"
 JOURNAL, RESULT, EXPLANATION, ROBOT = "journal.jsonl", "result.json", "explanation.json", "robot.toml"
@@ -32,8 +32,8 @@ FAILED = (Outcome.FAIL, Outcome.ERROR)
 ACCEPT = Accept.__name__
 CHECK = CheckWindow.__name__
 RECORDING = (Record.__name__, CHECK, ACCEPT)
-VERDICTS = (ACCEPT, GiveUp.__name__, Verdict.__name__)
-"""steps, as the journal calls them"""
+VERDICTS = (ACCEPT, GiveUp.__name__, GiveUpWithoutPower.__name__, "Verdict")
+"""steps, as the journal calls them; the last as journals before 27 November 2026 called the one before it"""
 SHOWN = 10
 """lines of each failure statistic"""
 
@@ -113,9 +113,9 @@ def _read(folder: Path) -> Run:
 
 
 def _journal(entries: Sequence[Entry]) -> dict[str, Any]:
-    begun = [entry for entry in entries if entry.kind == Kind.RUN_STARTED]
-    ended = [entry for entry in entries if entry.kind == Kind.RUN_FINISHED]
-    done = [entry for entry in entries if entry.kind == Kind.STEP_FINISHED]
+    begun = [entry for entry in entries if entry.kind == LineKind.RUN_STARTED]
+    ended = [entry for entry in entries if entry.kind == LineKind.RUN_FINISHED]
+    done = [entry for entry in entries if entry.kind == LineKind.STEP_FINISHED]
     planned = begun[0].data.get("windows", ()) if begun else ()
     return {
         "when": entries[0].wall.removesuffix("Z").replace("T", " ")[:16] if entries else "",

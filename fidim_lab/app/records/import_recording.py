@@ -22,7 +22,7 @@ from fidim_lab.data.importers.registry import read_recording
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
 from fidim_lab.data.rigid_body import ClusterShape, cluster_shape, fit_pose
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.calibration.arrangement import Evidence, at_times, choose, judge
+from fidim_lab.identification.calibration.arrangement import ArrangementEvidence, at_times, choose, judge
 from fidim_lab.identification.calibration.registration import Registration, register
 from fidim_lab.identification.motion.hand_free import HandFree, find_hand_free
 from fidim_lab.model.mechanism import Mechanism
@@ -93,7 +93,7 @@ def _robot(robot: Robot, cluster: ClusterShape, registration: Registration) -> R
 
 
 def _windows(
-    recording: Recording, chosen: Evidence, hand_free: HandFree, placed: tuple[Positions, Rotations]
+    recording: Recording, chosen: ArrangementEvidence, hand_free: HandFree, placed: tuple[Positions, Rotations]
 ) -> tuple[Window, ...]:
     markers, log = recording.markers, recording.log
     in_world = chosen.stretched.world.points(markers.positions)

@@ -12,7 +12,7 @@ from fidim_lab.data.alignment import ClockOffset
 from fidim_lab.data.importers.recording import Recording
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.rigid_body import ClusterShape
-from fidim_lab.identification.calibration.arrangement import Evidence
+from fidim_lab.identification.calibration.arrangement import ArrangementEvidence
 from fidim_lab.identification.calibration.registration import Registration
 from fidim_lab.identification.motion.hand_free import HandFree
 from fidim_lab.units import degrees, millimetres
@@ -26,8 +26,8 @@ class ImportReport:
 
     recording: Recording
     cluster: ClusterShape
-    arrangements: tuple[Evidence, ...]
-    chosen: Evidence
+    arrangements: tuple[ArrangementEvidence, ...]
+    chosen: ArrangementEvidence
     hand_free: HandFree
     campaign: Campaign
     folder: Path
@@ -179,7 +179,7 @@ def _clock(clock: ClockOffset) -> dict[str, object]:
     }
 
 
-def _arrangement(evidence: Evidence, chosen: bool) -> dict[str, object]:
+def _arrangement(evidence: ArrangementEvidence, chosen: bool) -> dict[str, object]:
     return {
         "chosen": chosen,
         "yaw": evidence.rigid.yaw,

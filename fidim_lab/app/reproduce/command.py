@@ -24,7 +24,7 @@ from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import SetupError
 from fidim_lab.identification import reproduction
 from fidim_lab.identification.random_plan import Taste, random_plan
-from fidim_lab.identification.reproduction import Places, Reading, Reproduction, read
+from fidim_lab.identification.reproduction import IdentifiedRun, Places, Reproduction, read
 from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.say import Say
 
@@ -74,7 +74,7 @@ def reproduce(options: ReproduceOptions, says: Say) -> Reproduction:
     second = compose.simulated_campaign(robot, drawn, paper.FREE.body, options.seed)
     says("identifying …")
     random = _places(robot, drawn, second, options.seed)
-    free = random.free if isinstance(random.free, Reading) else None
+    free = random.free if isinstance(random.free, IdentifiedRun) else None
     return Reproduction(
         optimised=optimised,
         cost=reproduction.cost(optimised),

@@ -3,7 +3,7 @@
 from fidim_lab.app.reproduce.words import sentences
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.identification.reproduction import Places, Reading, Reproduction, essential_difference
+from fidim_lab.identification.reproduction import IdentifiedRun, Places, Reproduction, essential_difference
 
 FORMAT = "fidim-reproduction/1"
 
@@ -23,7 +23,7 @@ def to_json(found: Reproduction) -> dict[str, object]:
         },
         "fig3": {
             "paper": {"windows": paper.CROSS_VALIDATION_WINDOWS, "above_sigma_W": paper.SIGMA_PERP_ABOVE},
-            "sigma_W": free.sigma_W if isinstance(free, Reading) else None,
+            "sigma_W": free.sigma_W if isinstance(free, IdentifiedRun) else None,
             "expected": found.expected,
             "sigma_perp": found.sigma_perps,
         },
@@ -48,7 +48,7 @@ def _readings(found: Reproduction, equation: int) -> dict[str, object]:
     return {name: _reading(reading) for name, reading in found.columns(equation).items()}
 
 
-def _reading(reading: Reading | str) -> dict[str, object]:
+def _reading(reading: IdentifiedRun | str) -> dict[str, object]:
     if isinstance(reading, str):
         return {"refused": reading}
     return {

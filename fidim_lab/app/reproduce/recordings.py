@@ -27,7 +27,7 @@ from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.papers_takes import (
     SAMPLES,
     Checked,
-    Identified,
+    TakesIdentified,
     by_free_coordinates,
     by_full_pose,
     cross_validated,
@@ -61,11 +61,11 @@ class ByCables:
 class FromRecordings:
     """Everything that is printed."""
 
-    full: Identified
+    full: TakesIdentified
     """Eq. 47"""
-    decimated: Identified
+    decimated: TakesIdentified
     """the same from as many windows and samples as the paper says: the first twelve takes, 100 samples of each"""
-    free: Identified
+    free: TakesIdentified
     """Eq. 46"""
     checked: tuple[Checked, ...]
     """Fig. 3 with the printed body of Eq. 46"""

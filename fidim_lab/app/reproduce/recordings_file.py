@@ -7,7 +7,7 @@ import numpy as np
 from fidim_lab.app.reproduce.recordings_words import sentences
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.identification.papers_takes import Identified
+from fidim_lab.identification.papers_takes import TakesIdentified
 
 if TYPE_CHECKING:
     from fidim_lab.app.reproduce.recordings import FromRecordings
@@ -55,7 +55,7 @@ def _printed(found: paper.Published) -> dict[str, object]:
     }
 
 
-def _identified(found: Identified, percent: np.ndarray) -> dict[str, object]:
+def _identified(found: TakesIdentified, percent: np.ndarray) -> dict[str, object]:
     return {
         "values": _named(found.solution.values),
         "sd_percent": _named(percent),

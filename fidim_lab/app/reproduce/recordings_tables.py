@@ -9,7 +9,7 @@ from rich.table import Table
 from fidim_lab.app.terminal import console
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.identification.papers_takes import Identified
+from fidim_lab.identification.papers_takes import TakesIdentified
 from fidim_lab.units import millimetres
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def _table(title: str, *names: str) -> Table:
     return table
 
 
-def _equation(title: str, printed: paper.Published, ours: Identified, percent: np.ndarray) -> Table:
+def _equation(title: str, printed: paper.Published, ours: TakesIdentified, percent: np.ndarray) -> Table:
     table = _table(f"{title}: s in mm, I in 1e-3 m² per unit mass", "", "paper", "its data", "σ% paper", "σ% its data")
     solution = ours.solution
     for k, name in enumerate(PARAMETER_NAMES):

@@ -12,8 +12,8 @@ from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.reproduction import (
     ESSENTIAL,
     HOPELESS,
+    IdentifiedRun,
     OptimisedWindow,
-    Reading,
     Reproduction,
     essential_difference,
 )
@@ -58,7 +58,7 @@ def optimised_table(windows: tuple[OptimisedWindow, ...], cost: float) -> Table:
     return table
 
 
-def value_table(title: str, published: paper.Published, ours: dict[str, Reading | str]) -> Table:
+def value_table(title: str, published: paper.Published, ours: dict[str, IdentifiedRun | str]) -> Table:
     """Nine parameters, σ_W and C: the paper's values, ours with the error against the truth in percent."""
     table = Table(
         title=f"{title}: s in mm, I in 1e-3 m² per unit mass (error in %; truth: the paper's Eq. 46)", box=box.SIMPLE
@@ -73,7 +73,7 @@ def value_table(title: str, published: paper.Published, ours: dict[str, Reading 
     return table
 
 
-def percent_table(title: str, published: paper.Published, ours: dict[str, Reading | str]) -> Table:
+def percent_table(title: str, published: paper.Published, ours: dict[str, IdentifiedRun | str]) -> Table:
     """σ% of the nine parameters, as the paper prints them."""
     table = Table(title=f"{title}: σ% (Eq. 34)", box=box.SIMPLE)
     console.columns(table, "", "paper", *ours)
@@ -97,7 +97,7 @@ def difference_table(found: Reproduction) -> Table:
 def cross_validation_table(found: Reproduction) -> Table:
     """Fig. 3: σ⊥ of each held-out window, a bar each; the mark is σ_W."""
     free = found.random.free
-    sigma_W = free.sigma_W if isinstance(free, Reading) else np.inf
+    sigma_W = free.sigma_W if isinstance(free, IdentifiedRun) else np.inf
     expected = "" if found.expected is None else f", σ⊥ ≈ {found.expected:.3g} where the model holds"
     table = Table(
         title=f"Fig. 3: σ⊥ of held-out windows, full pose (mark: σ_W = {sigma_W:.3g}{expected})", box=box.SIMPLE
@@ -111,7 +111,7 @@ def cross_validation_table(found: Reproduction) -> Table:
     return table
 
 
-def _value(reading: Reading | str, k: int) -> str:
+def _value(reading: IdentifiedRun | str, k: int) -> str:
     if isinstance(reading, str):
         return "refused" if k == 0 else ""
     return f"{millimetres(reading.values[k]):.2f} ({_percent(reading.error_percent(paper.FREE.body)[k], '+')})"
@@ -122,5 +122,5 @@ def _percent(value: float, sign: str = "") -> str:
     return f"{value:{sign}.{digits}f}"
 
 
-def _footer(ours: dict[str, Reading | str], figure: Callable[[Reading], str]) -> list[str]:
+def _footer(ours: dict[str, IdentifiedRun | str], figure: Callable[[IdentifiedRun], str]) -> list[str]:
     return ["–" if isinstance(r, str) else figure(r) for r in ours.values()]

@@ -6,7 +6,7 @@ import numpy as np
 
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.identification.reproduction import ESSENTIAL, Reading, Reproduction, essential_difference
+from fidim_lab.identification.reproduction import ESSENTIAL, IdentifiedRun, Reproduction, essential_difference
 
 TRUTH = paper.FREE.body
 S_Z = PARAMETER_NAMES.index("s_z")
@@ -35,7 +35,7 @@ def _about_conditioning(found: Reproduction) -> Iterator[str]:
         f"{max(w.worst_conditioning for w in bad):.0e} in motion)."
     )
     free = found.table2.free
-    if isinstance(free, Reading):
+    if isinstance(free, IdentifiedRun):
         said += (
             f" Eq. 44 has no usable solution there and {len(free.used)} of 12 windows are left for Eq. 46: "
             f"s_z is off by {free.error_percent(TRUTH)[S_Z]:+.2g} %."
@@ -58,7 +58,7 @@ def _about_full_pose(found: Reproduction) -> Iterator[str]:
 
 def _about_the_method(found: Reproduction) -> Iterator[str]:
     free, ideal, ours = found.random.free, found.random.noise_free, found.random.ours
-    if not (isinstance(free, Reading) and isinstance(ideal, Reading)):
+    if not (isinstance(free, IdentifiedRun) and isinstance(ideal, IdentifiedRun)):
         return
     noisy, method = free.error_percent(TRUTH)[S_Z], ideal.error_percent(TRUTH)[S_Z]
     larger = "marker noise" if abs(noisy - method) > abs(method) else "filter and differentiation, not marker noise,"
@@ -67,7 +67,7 @@ def _about_the_method(found: Reproduction) -> Iterator[str]:
         f"{method:+.2g} % with ideal sensors: {larger} is the larger part. The paper prints neither its filter's "
         "length nor what it does at the ends; this is our reading of §5.2 (kernel of 1.2 s, ends reflected)."
     )
-    if isinstance(ours, Reading):
+    if isinstance(ours, IdentifiedRun):
         k = _worst(ours)
         yield (
             f"On the same recordings our form (all marker coordinates, equations in marker accelerations, filtered "
@@ -100,7 +100,7 @@ def _about_sigma_W(found: Reproduction) -> Iterator[str]:
         "They depend on the places, which the paper does not print."
     )
     ideal, tidy = found.random.noise_free, found.random.noise_free_tidy
-    if isinstance(ideal, Reading) and isinstance(tidy, Reading):
+    if isinstance(ideal, IdentifiedRun) and isinstance(tidy, IdentifiedRun):
         share = 100 * (ideal.sigma_W / free.sigma_W) ** 2
         yield (
             f"With ideal sensors σ_W is {ideal.sigma_W:.3g} still: {share:.0f} % of its square come from the "
@@ -144,5 +144,5 @@ def _about_choices(found: Reproduction) -> Iterator[str]:
     )
 
 
-def _worst(reading: Reading) -> int:
+def _worst(reading: IdentifiedRun) -> int:
     return int(np.argmax(np.abs(reading.error_percent(TRUTH)[2:ESSENTIAL]))) + 2

@@ -14,7 +14,7 @@ from typing import Annotated
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from fidim_lab.app.service.place import CHOSEN, Place
+from fidim_lab.app.service.place import CHOSEN, ServicePlace
 from fidim_lab.errors import SetupError
 from fidim_lab.say import printable
 
@@ -43,7 +43,7 @@ class Holder:
 _HOLDER = TypeAdapter(Holder)
 
 
-def holder(place: Place) -> Holder | None:
+def holder(place: ServicePlace) -> Holder | None:
     """Who has the rig now; None where nobody does, whatever a killed service has left."""
     with _opened(place) as descriptor:
         if descriptor is None or not _is_held(descriptor):
@@ -52,12 +52,12 @@ def holder(place: Place) -> Holder | None:
         return Holder(_confirmed(descriptor, told.pid), told.folder, told.port, told.stopped)
 
 
-def running(places: Iterable[Place]) -> list[tuple[Place, Holder]]:
+def running(places: Iterable[ServicePlace]) -> list[tuple[ServicePlace, Holder]]:
     """Those of the places at which a service holds its rig now."""
     return [(place, who) for place in places if (who := holder(place)) is not None]
 
 
-def left_behind(place: Place) -> Holder | None:
+def left_behind(place: ServicePlace) -> Holder | None:
     """Whose service was killed while it had this rig; None where somebody has it, or the last one ended by itself."""
     with _opened(place) as descriptor:
         if descriptor is None or _is_held(descriptor):
@@ -67,7 +67,7 @@ def left_behind(place: Place) -> Holder | None:
 
 
 @contextmanager
-def held(place: Place, folder: Path, stopped: Path | None = None) -> Generator["Lock"]:
+def held(place: ServicePlace, folder: Path, stopped: Path | None = None) -> Generator["Lock"]:
     """Hold the rig. Raises SetupError naming who else does. stopped: the file that keeps its emergency stop."""
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
     # Whoever cleans temporary files leaves a folder alone that is locked (systemd-tmpfiles does).
@@ -118,7 +118,7 @@ def in_use(who: Holder) -> str:
 
 
 @contextmanager
-def _opened(place: Place) -> Generator[int | None]:
+def _opened(place: ServicePlace) -> Generator[int | None]:
     """The lock file, where there is one that its folder's user has made."""
     descriptor = None
     with suppress(FileNotFoundError, OSError):

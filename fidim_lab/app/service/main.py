@@ -24,7 +24,7 @@ from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.service.lock import Lock, held
-from fidim_lab.app.service.place import Place, place_of
+from fidim_lab.app.service.place import ServicePlace, place_of
 from fidim_lab.app.service.process.board import DefaultAnswer
 from fidim_lab.app.service.process.broadcast import wall_time
 from fidim_lab.app.service.process.judging import explain_step
@@ -107,7 +107,7 @@ def run_service(work: Work) -> int:
             sys.stderr.write(f"fidim: {wrong}\n")
 
 
-async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -> int:
+async def _serve(work: Work, place: ServicePlace, lock: Lock, ended: list[RunReport]) -> int:
     spec = work.spec
     place_left = work.resumption.place if work.resumption else None
     left = place_left.end if place_left else None

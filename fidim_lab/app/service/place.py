@@ -23,7 +23,7 @@ ROOT = 0
 
 
 @dataclass(frozen=True)
-class Place:
+class ServicePlace:
     """Files of the service of one rig."""
 
     folder: Path
@@ -50,22 +50,22 @@ class Place:
         return self.folder / f"{self.key}.token"
 
 
-def place_of(file: RigFile, *, embedded: bool, run: Path | None = None) -> Place:
+def place_of(file: RigFile, *, embedded: bool, run: Path | None = None) -> ServicePlace:
     """By the bus, which only one service may have; an embedded rig by its file, or by its run, where it has none."""
-    return Place(runtime_folder(), _key(file, embedded=embedded, run=run))
+    return ServicePlace(runtime_folder(), _key(file, embedded=embedded, run=run))
 
 
-def places_of(file: RigFile) -> list[Place]:
+def places_of(file: RigFile) -> list[ServicePlace]:
     """All at which a service of this rig may be, for a stop: root's reaches the users' too."""
-    return [Place(folder, _key(file, embedded=embedded)) for folder in _folders() for embedded in (False, True)]
+    return [ServicePlace(folder, _key(file, embedded=embedded)) for folder in _folders() for embedded in (False, True)]
 
 
-def all_places() -> list[Place]:
+def all_places() -> list[ServicePlace]:
     """All at which this user has, or had, a service; root sees everybody's."""
-    return [Place(folder, path.stem) for folder in _folders() for path in sorted(folder.glob("*.lock"))]
+    return [ServicePlace(folder, path.stem) for folder in _folders() for path in sorted(folder.glob("*.lock"))]
 
 
-def places_for(rig: Path | None) -> list[Place]:
+def places_for(rig: Path | None) -> list[ServicePlace]:
     """All at which the service of this rig file may be; without one, all of this user. Raises FileError."""
     return all_places() if rig is None else places_of(read_rig(rig, opened=False))
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from drivers.cia402.bring_up import HAS_POWER
 from fidim_lab.app.service.lock import left_behind
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.service.spec import read_summary
 
 
-def left_by(place: Place) -> Path | None:
+def left_by(place: ServicePlace) -> Path | None:
     """The folder of a run whose service was killed while it had this rig; None where the last one ended by itself.
 
     To be asked before a service of one's own takes the lock.

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from drivers.clock import LoopClock
 from fidim_lab.app.service.latch import AT_START
 from fidim_lab.app.service.lock import holder, in_use
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.service.spec import HOOK_TIMEOUT, RunSpec
 from fidim_lab.app.terminal import console
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
@@ -29,7 +29,7 @@ POLL = 0.05
 SAYS = "fidim: "
 
 
-def start_and_watch(spec: RunSpec, place: Place, confirmed: str = "") -> int:
+def start_and_watch(spec: RunSpec, place: ServicePlace, confirmed: str = "") -> int:
     """Start the service's process, begin the run, show it until it ends; returns its exit code.
 
     confirmed: the emergency stop that a person has said is to be undone (`undo_stop`); another one stays.
@@ -46,7 +46,7 @@ def start_and_watch(spec: RunSpec, place: Place, confirmed: str = "") -> int:
         return code
 
 
-def said_at_end(place: Place) -> list[str]:
+def said_at_end(place: ServicePlace) -> list[str]:
     """What the service has left to say when the run is over: a hook that failed."""
     with suppress(OSError):
         lines = place.log.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -55,7 +55,7 @@ def said_at_end(place: Place) -> list[str]:
 
 
 @contextmanager
-def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"]:
+def service_process(spec: RunSpec, place: ServicePlace) -> Generator["subprocess.Popen[bytes]"]:
     """The service's process, in a session of its own: signals of this terminal do not reach it."""
     with tempfile.NamedTemporaryFile("w", suffix=".json", dir=place.folder, encoding="utf-8") as file:
         file.write(spec.model_dump_json())
@@ -72,7 +72,7 @@ def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[
         yield process
 
 
-async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]", known: str) -> int:
+async def _watch(spec: RunSpec, place: ServicePlace, process: "subprocess.Popen[bytes]", known: str) -> int:
     from fidim_lab.app.service.client import connect
     from fidim_lab.app.service.commands import Start
     from fidim_lab.app.session.run_console import Console
@@ -85,7 +85,7 @@ async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]"
         return await Console(service, asks=not spec.alone, stays=spec.stay).watch(spec.out)
 
 
-async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
+async def until_it_listens(place: ServicePlace, process: "subprocess.Popen[bytes]") -> None:
     """Wait for the service. Raises what it said where it has ended, HardwareError where it takes too long."""
     from fidim_lab.app.service.client import connect
 
@@ -105,7 +105,7 @@ async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> 
         await clock.sleep(POLL)
 
 
-def _did_not_begin(place: Place, code: int) -> SetupError | HardwareError | RefusedError:
+def _did_not_begin(place: ServicePlace, code: int) -> SetupError | HardwareError | RefusedError:
     """What the service said, as the error that has its exit code."""
     said = place.log.read_text(encoding="utf-8", errors="replace").strip().removeprefix("fidim: ")
     kinds = {kind.exit_code: kind for kind in (SetupError, RefusedError)}

@@ -9,7 +9,7 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown
 from fidim_lab.app.service.lock import Holder, holder, running
-from fidim_lab.app.service.place import Place, places_for
+from fidim_lab.app.service.place import ServicePlace, places_for
 from fidim_lab.app.terminal import console
 from fidim_lab.errors import SetupError
 from fidim_lab.say import printable
@@ -44,7 +44,7 @@ def shutdown_command(folder: Path | None, rig: Path | None, json_file: Path | No
     return code
 
 
-def _found(folder: Path | None, rig: Path | None) -> list[tuple[Place, Holder]]:
+def _found(folder: Path | None, rig: Path | None) -> list[tuple[ServicePlace, Holder]]:
     if folder is not None and rig is not None:
         raise SetupError("Give a run folder or --rig, not both.")
     found = running(places_for(rig))
@@ -56,7 +56,7 @@ def serves(who: Holder, folder: Path) -> bool:
     return Path(who.folder).resolve() == folder.resolve()
 
 
-async def end_service(place: Place) -> str:
+async def end_service(place: ServicePlace) -> str:
     """End a service and wait until its process has let the rig go; returns why not, empty where it has."""
     clock = LoopClock()
     with suppress(SetupError, ServiceGoneError, TimeoutError):  # its socket is closed: it is ending already
@@ -70,7 +70,7 @@ async def end_service(place: Place) -> str:
     return ""
 
 
-async def _refusal(place: Place) -> str:
+async def _refusal(place: ServicePlace) -> str:
     async with connect(place.socket, name="fidim shutdown", samples=False) as service:
         await service.take_lease(force=True)
         answer = await service.command(Shutdown())

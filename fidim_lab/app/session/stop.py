@@ -13,7 +13,7 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.lock import Holder, holder, running
-from fidim_lab.app.service.place import Place, places_for
+from fidim_lab.app.service.place import ServicePlace, places_for
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
@@ -44,12 +44,12 @@ def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -
     return max(codes)
 
 
-async def _stop_all(found: list[tuple[Place, Holder]], reason: str) -> list[int]:
+async def _stop_all(found: list[tuple[ServicePlace, Holder]], reason: str) -> list[int]:
     """At the same time: a service that hangs keeps no other one running."""
     return await asyncio.gather(*(_stop(place, who, reason) for place, who in found))
 
 
-async def _stop(place: Place, who: Holder, reason: str) -> int:
+async def _stop(place: ServicePlace, who: Holder, reason: str) -> int:
     folder = printable(who.folder)
     try:
         says = await within(LoopClock(), ANSWER_WITHIN, _press(place, reason))
@@ -65,12 +65,12 @@ async def _stop(place: Place, who: Holder, reason: str) -> int:
     return 0
 
 
-async def _press(place: Place, reason: str) -> str:
+async def _press(place: ServicePlace, reason: str) -> str:
     async with connect(place.socket, name=f"fidim stop ({user()})", samples=False) as service:
         return (await service.command(EmergencyStop(reason=reason))).says
 
 
-async def _end(place: Place, pid: int) -> str:
+async def _end(place: ServicePlace, pid: int) -> str:
     """End a process that holds the rig and does not answer: its drives miss its heartbeat then, and stop."""
     if not pid:
         return "Which process it is cannot be told, so none was ended."
@@ -86,7 +86,7 @@ async def _end(place: Place, pid: int) -> str:
     return f"Its process {pid} does not end."
 
 
-def _keep(place: Place, who: Holder, reason: str) -> str:
+def _keep(place: ServicePlace, who: Holder, reason: str) -> str:
     """Latch the rig for a service that could not; returns why not. A path told by another user is not written to."""
     path = Path(who.stopped)
     if not who.stopped or place.folder.stat().st_uid != os.getuid():

@@ -13,8 +13,8 @@ from fidim_lab.data.campaign import ROBOT, read_campaign
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.identification.calibration.tension_calibration import (
     FEWEST,
-    Reading,
     Rests,
+    TensionReading,
     WinchCalibration,
     calibrate,
     rests_of,
@@ -62,13 +62,13 @@ def _rests(campaign: Path) -> tuple[Rests, str]:
     )
 
 
-def _readings(campaign: Path) -> list[Reading]:
+def _readings(campaign: Path) -> list[TensionReading]:
     """Of every tension check that the journal has, in order."""
     journal = campaign / JOURNAL
     entries = read_journal(journal) if journal.is_file() else ()
     found = [entry.data["readings"] for entry in entries if entry.step == "CheckTension" and "readings" in entry.data]
     return [
-        Reading(
+        TensionReading(
             np.array(one["lengths"]),
             np.array(one["currents"]),
             np.array(one["moved"]),

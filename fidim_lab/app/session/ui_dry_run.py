@@ -19,7 +19,7 @@ from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
 from fidim_lab.app.service.lock import holder, in_use
 from fidim_lab.app.service.main import prepare
-from fidim_lab.app.service.place import Place, place_of
+from fidim_lab.app.service.place import ServicePlace, place_of
 from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.app.session.dry_run import DryRunOptions, planned
 from fidim_lab.app.session.run_process import service_process, until_it_listens
@@ -130,7 +130,7 @@ def rig_table(robot: Robot) -> dict[str, object]:
     }
 
 
-def _leave(place: Place, process: "subprocess.Popen[bytes]", folder: Path) -> int:
+def _leave(place: ServicePlace, process: "subprocess.Popen[bytes]", folder: Path) -> int:
     """A service that does nothing ends; one that runs goes on, and it is said how to come back."""
     if process.poll() is None and asyncio.run(_shut_down(place)):
         with suppress(subprocess.TimeoutExpired):
@@ -142,7 +142,7 @@ def _leave(place: Place, process: "subprocess.Popen[bytes]", folder: Path) -> in
     return 0
 
 
-async def _shut_down(place: Place) -> bool:
+async def _shut_down(place: ServicePlace) -> bool:
     with suppress(SetupError, ServiceGoneError):
         async with connect(place.socket, name="fidim dry-run", samples=False) as service:
             await service.command(TakeLease(force=True))

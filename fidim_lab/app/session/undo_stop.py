@@ -14,7 +14,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.lock import holder
-from fidim_lab.app.service.place import Place, place_of
+from fidim_lab.app.service.place import ServicePlace, place_of
 from fidim_lab.app.service.spec import RunSpec, again, read_spec
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig
@@ -102,7 +102,7 @@ def reset_command(folder: Path | None, rig: Path | None, json_file: Path | None 
     return 0
 
 
-async def _reset(place: Place, stopped: Path) -> str:
+async def _reset(place: ServicePlace, stopped: Path) -> str:
     """In the service, or in its file where none runs. One that is just ending is waited for."""
     clock = LoopClock()
     until = clock.now() + ENDING
@@ -116,7 +116,7 @@ async def _reset(place: Place, stopped: Path) -> str:
     return _reset_file(stopped)
 
 
-def _rigs(folder: Path | None, rig: Path | None) -> list[tuple[Place, Path]]:
+def _rigs(folder: Path | None, rig: Path | None) -> list[tuple[ServicePlace, Path]]:
     """Where a service would be, and where its stop is kept."""
     if (folder is None) == (rig is None):
         raise SetupError("Give a run folder or --rig, one of them.")
@@ -129,7 +129,7 @@ def _rigs(folder: Path | None, rig: Path | None) -> list[tuple[Place, Path]]:
     return [(place_of(file, embedded=e), stop_path(file.path, embedded=e)) for e in both]
 
 
-async def _reset_service(place: Place) -> str:
+async def _reset_service(place: ServicePlace) -> str:
     async with connect(place.socket, name="fidim reset", samples=False) as service:
         status = await service.state()
         if not status.latched:

@@ -61,7 +61,7 @@ def _top(wish: RigWish) -> list[Section]:
 
 
 def _winches(wish: RigWish) -> list[Section]:
-    common = [key for key in plain_keys(tables.WinchTable) if key not in OF_ONE]
+    common = [key for key in plain_keys(tables.RigWinchTable) if key not in OF_ONE]
     drum = None if wish.robot.winches is None else wish.robot.winches[0]
     values: dict[str, Any] = {
         "eds": "generic",
@@ -77,7 +77,7 @@ def _winches(wish: RigWish) -> list[Section]:
     }
     every = "What counts for each [[winch]] that does not say otherwise."
     return [
-        Section("[every_winch]", tables.WinchTable, values, every, only=common),
+        Section("[every_winch]", tables.RigWinchTable, values, every, only=common),
         *(
             Section(f"[every_winch.{key}]", model, says=says, commented=True)
             for key, model, says in (
@@ -114,7 +114,7 @@ def _winch(number: int, wish: RigWish) -> list[Section]:
     only = [*OF_ONE, *(["drum_radius"] if "drum_radius" in own else [])]
     tension = "Measured by fidim tension-calibrate." if number == 0 else ""
     return [
-        Section("[[winch]]", tables.WinchTable, own, says, only=only, silent=number > 0),
+        Section("[[winch]]", tables.RigWinchTable, own, says, only=only, silent=number > 0),
         Section("[winch.tension]", tables.TensionTable, says=tension, silent=number > 0, commented=True),
     ]
 

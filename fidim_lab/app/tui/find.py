@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fidim_lab.app.service.lock import Holder, running
-from fidim_lab.app.service.place import Place, all_places, places_of
+from fidim_lab.app.service.place import ServicePlace, all_places, places_of
 from fidim_lab.app.service.spec import NAME as RUN
 from fidim_lab.data.rigs.rig import RigFile
 
@@ -48,7 +48,7 @@ class Finder:
         return _one(places, why, known)
 
 
-def _one(places: list[Place], otherwise: str, known: Path | None) -> FoundService:
+def _one(places: list[ServicePlace], otherwise: str, known: Path | None) -> FoundService:
     there = [(place.socket, who) for place, who in running(places)]
     chosen = [found for found in there if found[0] == known] or there
     if not chosen:

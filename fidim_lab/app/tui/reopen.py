@@ -7,7 +7,7 @@ from pathlib import Path
 
 from drivers.clock import LoopClock
 from fidim_lab.app.service.lock import holder
-from fidim_lab.app.service.place import Place, place_of
+from fidim_lab.app.service.place import ServicePlace, place_of
 from fidim_lab.app.service.spec import RunSpec, again, read_spec
 from fidim_lab.app.session.run_process import service_process, until_it_listens
 from fidim_lab.app.session.shutdown import end_service, serves
@@ -26,7 +26,7 @@ async def reopen(folder: Path) -> str:
     return says
 
 
-def _read(folder: Path) -> tuple[RunSpec, Place, str]:
+def _read(folder: Path) -> tuple[RunSpec, ServicePlace, str]:
     spec = again(read_spec(folder), folder.absolute())
     if spec.procedure.endswith(".py"):
         raise RefusedError(

@@ -9,7 +9,7 @@ from typing import TypeVar
 from fidim_lab.data.eds.text import LIMIT as EDS_LIMIT
 from fidim_lab.data.files.input_file import open_input
 from fidim_lab.data.files.toml_file import nearest, read_toml
-from fidim_lab.data.records import Robot, Winch
+from fidim_lab.data.records import Robot, WinchTorque
 from fidim_lab.data.rigs.home_file import read_homes
 from fidim_lab.data.rigs.rig import (
     BusEntry,
@@ -29,7 +29,7 @@ from fidim_lab.data.rigs.rig import (
 )
 from fidim_lab.data.rigs.rig_guard_tables import GuardsTable
 from fidim_lab.data.rigs.rig_serial_tables import COMMANDS, gauge_entries, release_entry
-from fidim_lab.data.rigs.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, WinchTable
+from fidim_lab.data.rigs.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, RigWinchTable
 from fidim_lab.data.robot_file import read_robot, robot_path
 from fidim_lab.errors import FileError
 
@@ -83,7 +83,7 @@ def calibrated(robot: Robot, tensions: tuple[TensionEntry, ...]) -> Robot:
     )
 
 
-def _with_gain(winch: Winch, tension: TensionEntry) -> Winch:
+def _with_gain(winch: WinchTorque, tension: TensionEntry) -> WinchTorque:
     if tension.gain is None:
         return winch
     return replace(winch, torque_constant=winch.torque_constant * tension.gain / winch.newton_per_ampere)
@@ -170,7 +170,7 @@ def _cable_problems(path: Path, table: RigTable, robot: Robot) -> Iterator[FileE
             )
 
 
-def _winch(path: Path, table: WinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
+def _winch(path: Path, table: RigWinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
     eds = None if table.eds == GENERIC else path.parent / table.eds
     values = table.model_dump(exclude={"eds", "temperature", "sto", "brake_output", "tension", "stop", "encoder"})
     if home is not None:

@@ -91,7 +91,7 @@ class StopTable(Table):
     communication_error: Literal[0, 1] = 1
 
 
-class WinchTable(Table):
+class RigWinchTable(Table):
     """`[[winch]]`, with what `[every_winch]` says filled in."""
 
     name: Name
@@ -132,7 +132,7 @@ class WinchTable(Table):
     stop: StopTable = StopTable()
 
     @model_validator(mode="after")
-    def _ordered(self) -> "WinchTable":
+    def _ordered(self) -> "RigWinchTable":
         if self.load == "torque" and self.rated_torque is None:
             raise ValueError("rated_torque: is missing; a drive tells its torque as a part of it (load)")
         low, high = self.length_limits
@@ -198,7 +198,7 @@ class RigTable(Table):
     name: Name
     robot: Name
     bus: BusTable
-    winch: Annotated[list[WinchTable], Field(min_length=1, max_length=5)]
+    winch: Annotated[list[RigWinchTable], Field(min_length=1, max_length=5)]
     motion_capture: MocapTable
     guards: GuardsTable = GuardsTable()
     place: PlaceTable = PlaceTable()

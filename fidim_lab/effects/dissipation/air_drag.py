@@ -11,7 +11,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.forces import at_centre
 from fidim_lab.effects.plausibility import Context, Limit
-from fidim_lab.effects.without_term import Unknown
+from fidim_lab.effects.without_term import UnknownEffect
 from fidim_lab.model.slots import PlatformState
 
 STILL = 1e-6
@@ -66,7 +66,7 @@ class AirDragQuadratic(NamedEffect):
 
 
 @dataclass(frozen=True)
-class SteepDrag(Unknown):
+class SteepDrag(UnknownEffect):
     """F = −c ‖v_G‖^(p − 1) v_G with p well above 2, v in m/s: no air does that, whatever does.
 
     Without it drags of the catalogue are put together with what is not there, until they imitate it.

@@ -26,7 +26,7 @@ MARGIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class ArrangementEvidence:
     """One arrangement and what the log says about it."""
 
     rigid: Registration
@@ -53,7 +53,7 @@ def judge(
     positions: Positions,
     rotations: Rotations,
     log: RobotLog,
-) -> Evidence:
+) -> ArrangementEvidence:
     """Hold one registration of cluster poses (N) against the robot's log.
 
     Raises RefusedError where motion capture and log cannot be aligned, InfeasibleError at a singular pose.
@@ -69,7 +69,7 @@ def judge(
     tensions = at_times(t + clock_under(stretched).offset, log.t, log.tensions)
     stretched = refine(mechanism, stretched, positions, rotations, tensions)
     placed = stretched.poses(positions, rotations)
-    return Evidence(
+    return ArrangementEvidence(
         rigid=refine(mechanism, registration, positions, rotations, tensions, stretch=False),
         stretched=stretched,
         clock=clock_under(stretched),
@@ -78,7 +78,7 @@ def judge(
     )
 
 
-def choose(arrangements: Sequence[Evidence]) -> Evidence:
+def choose(arrangements: Sequence[ArrangementEvidence]) -> ArrangementEvidence:
     """The arrangement whose swivel angles agree with the log's. Raises RefusedError where none, or two, agree."""
     ranked = sorted(arrangements, key=lambda evidence: -evidence.clock.correlation)
     best = ranked[0]

@@ -12,8 +12,8 @@ import numpy as np
 from fidim_lab.data.records import Cable, Campaign, Robot
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.data_checks.placed import aligned, resting
-from fidim_lab.identification.data_checks.placement import Free, Placed, Placement, place
-from fidim_lab.identification.data_checks.poses import Sample, sampled
+from fidim_lab.identification.data_checks.placement import Free, Placement, WindowPlacement, place
+from fidim_lab.identification.data_checks.poses import PoseSamples, sampled
 from fidim_lab.model.mechanism import Mechanism
 
 EACH = 12
@@ -37,7 +37,7 @@ class Tried:
     """One choice of what is free."""
 
     free: Free
-    placed: Placed
+    placed: WindowPlacement
     criterion: float
     """−2 log likelihood + number of unknowns × log number of data, less the best one's"""
 
@@ -64,7 +64,7 @@ class Registered:
     samples: int
 
     @property
-    def best(self) -> Placed:
+    def best(self) -> WindowPlacement:
         """The registration."""
         return self.tried[0].placed
 
@@ -118,7 +118,7 @@ def registered_robot(robot: Robot, placement: Placement) -> Robot:
     )
 
 
-def _starts(robot: Robot, sample: Sample) -> list[Placement]:
+def _starts(robot: Robot, sample: PoseSamples) -> list[Placement]:
     """As the file has it, and with the frame where the nominal body would hang."""
     start = Placement.of(robot, sample.markers.shape[1])
     try:
@@ -128,7 +128,7 @@ def _starts(robot: Robot, sample: Sample) -> list[Placement]:
     return [start, replace(start, turn=turn, shift=shift)]
 
 
-def _as_free(near: Placed, free: Free, file: Placement) -> Placed:
+def _as_free(near: WindowPlacement, free: Free, file: Placement) -> WindowPlacement:
     """An answer's poses and what of its placement is free here; the rest as the robot file has it."""
     found = near.placement
     placement = Placement(
@@ -141,9 +141,13 @@ def _as_free(near: Placed, free: Free, file: Placement) -> Placed:
 
 
 def _best(
-    robot: Robot, sample: Sample, free: Free, starts: Sequence[Placement | Placed], noise: tuple[float, float]
+    robot: Robot,
+    sample: PoseSamples,
+    free: Free,
+    starts: Sequence[Placement | WindowPlacement],
+    noise: tuple[float, float],
 ) -> Tried | None:
-    found: list[Placed] = []
+    found: list[WindowPlacement] = []
     for start in starts:
         if isinstance(start, Placement) and start is not starts[0] and not free.frame:
             continue
@@ -157,7 +161,7 @@ def _best(
     return Tried(free, best, best.chi2 + best.unknowns * float(np.log(best.markers.size + best.lengths.size)))
 
 
-def _suspect(robot: Robot, sample: Sample, best: Tried, cable: int, noise: tuple[float, float]) -> Suspect:
+def _suspect(robot: Robot, sample: PoseSamples, best: Tried, cable: int, noise: tuple[float, float]) -> Suspect:
     try:
         found = place(robot, sample, replace(best.free, anchor=cable), best.placed, noise)
     except (FidimError, np.linalg.LinAlgError):

@@ -25,7 +25,7 @@ CLEAR = 3.0
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ElasticStretch:
     """What statics says of elastic cables."""
 
     softness: float
@@ -63,7 +63,7 @@ class _Sums:
         return _Sums(self.ff + other.ff, self.fl + other.fl, self.ll + other.ll)
 
 
-def seen_stretch(robot: Robot, windows: Sequence[Window]) -> Stretch | None:
+def seen_stretch(robot: Robot, windows: Sequence[Window]) -> ElasticStretch | None:
     """κ from the windows' columns f1 … fn (N) and whole poses; None where fewer than three windows hold them."""
     mechanism = Mechanism(robot)
     sums = [found for window in windows if (found := _sums(mechanism, window)) is not None]
@@ -75,7 +75,7 @@ def seen_stretch(robot: Robot, windows: Sequence[Window]) -> Stretch | None:
     count = len(sums)
     sd = float(np.sqrt((count - 1) / count * np.sum((np.array(without) - np.mean(without)) ** 2)))
     explained = float(total.fl[at] ** 2 / (total.ff[at] * total.ll[at]))
-    return Stretch(softness, sd, float(DELAYS[at]), explained)
+    return ElasticStretch(softness, sd, float(DELAYS[at]), explained)
 
 
 def _best(sums: _Sums) -> tuple[float, int]:

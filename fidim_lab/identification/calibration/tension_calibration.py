@@ -106,7 +106,7 @@ def rests_of(robot: Robot, body: Body, windows: Sequence[Window]) -> Rests:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class TensionReading:
     """One rest at which tensions were checked."""
 
     lengths: PerCable
@@ -119,7 +119,7 @@ class Reading:
     """N, where every cable has one"""
 
 
-def rests_of_readings(robot: Robot, body: Body, readings: Sequence[Reading]) -> Rests:
+def rests_of_readings(robot: Robot, body: Body, readings: Sequence[TensionReading]) -> Rests:
     """Tension checks at rest, against load cells where there are some, else against statics.
 
     Better than windows: a swing's mean tension is not that of the rest (12 N of 80 at 30 mm in the paper's robot).

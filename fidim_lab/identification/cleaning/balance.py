@@ -30,7 +30,7 @@ ASTRAY = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class WindowBalance:
     """One window's projected equations of motion, linear in χ = [1, s, I] (Eq. 22), per unit mass."""
 
     window: Window
@@ -45,7 +45,7 @@ class Balance:
     where few markers hardly show a free motion (three cables, one marker)"""
 
 
-def balance(mechanism: Mechanism, window: Window) -> Balance | None:
+def balance(mechanism: Mechanism, window: Window) -> WindowBalance | None:
     """None where the window does not show its pose at every node, or too few nodes."""
     robot = mechanism.robot
     body = robot.markers[: window.markers.shape[1]]
@@ -64,7 +64,7 @@ def balance(mechanism: Mechanism, window: Window) -> Balance | None:
     across = np.swapaxes(free, 1, 2)
     left = across @ platform_regressor(motion, robot.gravity)
     inertial = across @ platform_regressor(motion, np.zeros(3))
-    return Balance(window, motion.t, left, inertial, noise)
+    return WindowBalance(window, motion.t, left, inertial, noise)
 
 
 def _noise(robot: Robot, motion: Motion, free: Float[np.ndarray, "N 6 free"], body: Float[np.ndarray, "M 3"]) -> Series:

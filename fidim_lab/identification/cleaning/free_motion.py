@@ -19,7 +19,7 @@ from scipy.ndimage import median_filter
 
 from fidim_lab.arrays import Series, runs
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.identification.cleaning.balance import EVERY, HALF, Balance, balance
+from fidim_lab.identification.cleaning.balance import EVERY, HALF, WindowBalance, balance
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed
 from fidim_lab.identification.cleaning.resting import resting
 from fidim_lab.model.mechanism import Mechanism
@@ -80,7 +80,7 @@ def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
     return found
 
 
-def _unbalanced(balances: dict[str, Balance], campaign: Campaign, rule: FreeMotionRule) -> tuple[Cuts, set[str]]:
+def _unbalanced(balances: dict[str, WindowBalance], campaign: Campaign, rule: FreeMotionRule) -> tuple[Cuts, set[str]]:
     """Where the equations of motion do not balance, and the windows that can say so."""
     chi = _robust_body(list(balances.values()), parameter_vector(campaign.robot.nominal), rule)
     disturbed = {id: _disturbed(one, chi, rule) for id, one in balances.items()}
@@ -149,7 +149,9 @@ def whole_id(part: str) -> str:
     return part.split(PART)[0]
 
 
-def _robust_body(balances: Sequence[Balance], nominal: np.ndarray, rule: FreeMotionRule) -> Float[np.ndarray, "10"]:
+def _robust_body(
+    balances: Sequence[WindowBalance], nominal: np.ndarray, rule: FreeMotionRule
+) -> Float[np.ndarray, "10"]:
     """χ that balances the better half of all blocks, each weighed by its inertial forces."""
     blocks = [block for one in balances for block in _blocks(one, rule.block)]
     chi, before = nominal, None
@@ -167,14 +169,14 @@ def _robust_body(balances: Sequence[Balance], nominal: np.ndarray, rule: FreeMot
     return chi
 
 
-def _blocks(one: Balance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _blocks(one: WindowBalance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rows of about so many seconds each: what is left over, and inertial forces, (rows, 10)."""
     count = max(1, round(len(one.t) * EVERY / length))
     pieces = np.array_split(np.arange(len(one.t)), count)
     return [(one.left[k].reshape(-1, 10), one.inertial[k].reshape(-1, 10)) for k in pieces if len(k)]
 
 
-def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
+def _disturbed(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
     """Nodes at which the platform is not free."""
     left, inertial = _forces(one, chi, rule)
     own = np.maximum(np.median(left), _averaged(one.t, one.noise, rule))
@@ -191,13 +193,13 @@ def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule)
     return found
 
 
-def _says(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> bool:
+def _says(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> bool:
     """Whether enough of it balances, so that the rest says something."""
     left, inertial = _forces(one, chi, rule)
     return bool((left < rule.share**2 * inertial).mean() >= rule.balanced)
 
 
-def _forces(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> tuple[Series, Series]:
+def _forces(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> tuple[Series, Series]:
     """Squares of what is left over and of the inertial forces, averaged.
 
     Of what is left over without what one node has alone: its neighbours share samples with it, and feel a force, while
@@ -215,7 +217,7 @@ def _averaged(t: Series, squares: Series, rule: FreeMotionRule) -> Series:
     return (total[last] - total[first]) / (last - first)
 
 
-def _times(one: Balance, disturbed: Bool[np.ndarray, " N"]) -> list[tuple[float, float]]:
+def _times(one: WindowBalance, disturbed: Bool[np.ndarray, " N"]) -> list[tuple[float, float]]:
     """Begins and ends of the disturbances, s; up to an end of the recording where no node lies between."""
     begin, end = float(one.window.t[0]), float(one.window.t[-1])
     found: list[tuple[float, float]] = []

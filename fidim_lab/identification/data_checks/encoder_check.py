@@ -4,7 +4,7 @@ import numpy as np
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.finding import DefectKind, Finding
 
 
 def check_encoders(window: Window, resolution: float) -> tuple[tuple[Finding, ...], np.ndarray]:
@@ -25,7 +25,7 @@ def check_encoders(window: Window, resolution: float) -> tuple[tuple[Finding, ..
             f"Window {window.id}: the encoder of cable {cable + 1} slips by {size * 1e3:+.3g} mm at {t[0]:.3f} s, with "
             "its motor locked."
         )
-        found.append(Finding(Kind.JUMP, window.id, f"l{cable + 1}", t, abs(size), "m", says))
+        found.append(Finding(DefectKind.JUMP, window.id, f"l{cable + 1}", t, abs(size), "m", says))
     return tuple(found), bad
 
 

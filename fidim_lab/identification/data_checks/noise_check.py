@@ -8,7 +8,7 @@ from jaxtyping import Float
 from fidim_lab.data.records import Window
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.identification.markers.clock_check import even_grid
-from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel
+from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel
 from fidim_lab.identification.markers.neighbours import noise_of
 
 
@@ -85,4 +85,6 @@ def _finding(window: Window | None, channel: str, ratio: float, declared: float,
     size = ratio * declared
     text = f"{what} {size * 1e3:.3g} mm by fourth differences, {ratio:.2f} times the {against} {declared * 1e3:.3g} mm."
     t = None if window is None else (float(window.t[0]), float(window.t[-1]))
-    return Finding(Kind.NOISE, None if window is None else window.id, channel, t, size, "m", text[0].upper() + text[1:])
+    return Finding(
+        DefectKind.NOISE, None if window is None else window.id, channel, t, size, "m", text[0].upper() + text[1:]
+    )

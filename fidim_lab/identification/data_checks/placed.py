@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from fidim_lab.data.records import Pose, Robot
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.data_checks.placement import Free, Placement, place
-from fidim_lab.identification.data_checks.poses import Sample
+from fidim_lab.identification.data_checks.poses import PoseSamples
 from fidim_lab.identification.data_checks.robot_changes import Change
 from fidim_lab.identification.markers.finding import marker_name
 from fidim_lab.model.equilibria import pose_from_lengths
@@ -23,7 +23,7 @@ FLAT = 0.02
 """of the largest spread of places, below which they lie on a line and turn no frame"""
 
 
-def placed(robot: Robot, sample: Sample) -> tuple[Change, ...]:
+def placed(robot: Robot, sample: PoseSamples) -> tuple[Change, ...]:
     """The best frame and the best places of the markers, each in words; those that cannot be had are left out."""
     mechanism = Mechanism(robot)
     noise = (robot.sensors.marker_noise, max(robot.sensors.encoder_resolution, robot.sensors.marker_noise))
@@ -31,7 +31,7 @@ def placed(robot: Robot, sample: Sample) -> tuple[Change, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def _frame(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -> Change | None:
+def _frame(mechanism: Mechanism, sample: PoseSamples, noise: tuple[float, float]) -> Change | None:
     robot = mechanism.robot
     start = Placement.of(robot, sample.markers.shape[1])
     try:
@@ -43,7 +43,7 @@ def _frame(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -> 
     return Change(words, robot, turn=found.turn, shift=found.shift)
 
 
-def _markers(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -> Change | None:
+def _markers(mechanism: Mechanism, sample: PoseSamples, noise: tuple[float, float]) -> Change | None:
     robot = mechanism.robot
     start = Placement.of(robot, sample.markers.shape[1])
     try:
@@ -58,13 +58,13 @@ def _markers(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -
     return Change(words, replace(robot, marker=found.body[0], extra_markers=tuple(further)))
 
 
-def resting(mechanism: Mechanism, sample: Sample) -> Float[np.ndarray, "S M 3"]:
+def resting(mechanism: Mechanism, sample: PoseSamples) -> Float[np.ndarray, "S M 3"]:
     """Where the nominal body's markers would rest with the lengths of each pose, m."""
     body = mechanism.robot.markers[: sample.markers.shape[1]]
     return np.array([pose.position + body @ pose.rotation.T for pose in rests(mechanism, sample)])
 
 
-def rests(mechanism: Mechanism, sample: Sample) -> list[Pose]:
+def rests(mechanism: Mechanism, sample: PoseSamples) -> list[Pose]:
     """Where the nominal body would rest with the lengths of each pose. Raises InfeasibleError where it would not."""
     known: dict[bytes, Pose] = {}
     for lengths in sample.lengths:

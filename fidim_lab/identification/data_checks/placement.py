@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from fidim_lab.arrays import Matrix3, PerCable, Positions, Rotations, Vector3
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.data_checks.poses import Sample, fit_poses
+from fidim_lab.identification.data_checks.poses import PoseSamples, fit_poses
 from fidim_lab.identification.motion import surface
 from fidim_lab.model.mechanism import Mechanism
 
@@ -67,7 +67,7 @@ class Placement:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class WindowPlacement:
     """The answer."""
 
     placement: Placement
@@ -96,16 +96,18 @@ class Placed:
         return float(np.sqrt(np.nanmean(values**2)))
 
 
-def place(robot: Robot, sample: Sample, free: Free, start: "Placement | Placed", noise: tuple[float, float]) -> Placed:
+def place(
+    robot: Robot, sample: PoseSamples, free: Free, start: "Placement | WindowPlacement", noise: tuple[float, float]
+) -> WindowPlacement:
     """Fit from a guess, or go on from an answer and its poses.
 
     noise: standard deviations of a marker coordinate and of a length, m.
 
     Raises InfeasibleError where no pose has these lengths, RefusedError where it does not settle.
     """
-    placement = start.placement if isinstance(start, Placed) else start
+    placement = start.placement if isinstance(start, WindowPlacement) else start
     now = _State(Mechanism(robot), sample, noise, placement, free.anchor)
-    if isinstance(start, Placed):
+    if isinstance(start, WindowPlacement):
         p, turned = start.positions, start.rotations
     else:
         p, turned = fit_poses(now.mechanism_of(start), sample.lengths - start.zeros, now.seen(start))
@@ -125,7 +127,7 @@ def place(robot: Robot, sample: Sample, free: Free, start: "Placement | Placed",
 @dataclass(frozen=True, eq=False)
 class _State:
     mechanism: Mechanism
-    sample: Sample
+    sample: PoseSamples
     noise: tuple[float, float]
     prior: Placement
     anchor: int | None
@@ -256,7 +258,7 @@ def _from_prior(placement: Placement, prior: Placement, free: Free) -> np.ndarra
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _answer(now: _State, placement: Placement, p: Positions, R: Rotations, free: Free) -> Placed:
+def _answer(now: _State, placement: Placement, p: Positions, R: Rotations, free: Free) -> WindowPlacement:
     markers, lengths = now.left(placement, p, R)
     information = _System.of(now, placement, p, R, free).information
     chi2 = float((markers**2).sum() / now.noise[0] ** 2 + (lengths**2).sum() / now.noise[1] ** 2)
@@ -265,7 +267,7 @@ def _answer(now: _State, placement: Placement, p: Positions, R: Rotations, free:
     at = 6 * free.frame
     of_body = at + placement.body.size * free.markers
     nothing = np.zeros(3)
-    return Placed(
+    return WindowPlacement(
         placement,
         p,
         R,

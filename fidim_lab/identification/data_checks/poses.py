@@ -16,7 +16,7 @@ from fidim_lab.model.mechanism import Mechanism
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class PoseSamples:
     """Markers at some instants (m), with the lengths that are held then (m)."""
 
     markers: Float[np.ndarray, "S M 3"]
@@ -29,7 +29,7 @@ def sampled(
     *,
     each: int = DATA_CHECKS.robot_mistakes_samples,
     most_windows: int = DATA_CHECKS.robot_mistakes_windows,
-) -> Sample | None:
+) -> PoseSamples | None:
     """Markers at so many places of each of so many windows; None without lengths or markers."""
     markers, lengths = [], []
     most = min((w.markers.shape[1] for w in windows), default=0)
@@ -46,7 +46,7 @@ def sampled(
             lengths.append(held)
     if not markers or len(lengths[0]) != cables:
         return None
-    return Sample(np.array(markers), np.array(lengths))
+    return PoseSamples(np.array(markers), np.array(lengths))
 
 
 def fit_poses(

@@ -48,7 +48,7 @@ class Redundancy:
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class PosedMarkers:
     """Smoothed markers of one window with the poses on the surface of its held lengths."""
 
     window: Window
@@ -63,7 +63,7 @@ class Posed:
     good: Bool[np.ndarray, " S"]
 
 
-def pose_window(mechanism: Mechanism, window: Window, sigma: Float[np.ndarray, "M 3"]) -> Posed | str:
+def pose_window(mechanism: Mechanism, window: Window, sigma: Float[np.ndarray, "M 3"]) -> PosedMarkers | str:
     """Poses of one window; a sentence where they cannot be had."""
     try:
         lengths = held_lengths(window)
@@ -76,7 +76,7 @@ def pose_window(mechanism: Mechanism, window: Window, sigma: Float[np.ndarray, "
         jacobian = surface.marker_jacobian(poses.rotations, body_markers)
         structure = mechanism.structure_matrix(poses.positions, poses.rotations)
         good = poses.settled & (surface.conditioning(structure, jacobian) < DATA_CHECKS.worst_condition)
-        return Posed(window, lengths, t, markers, noise, poses, jacobian, structure, good)
+        return PosedMarkers(window, lengths, t, markers, noise, poses, jacobian, structure, good)
     except (FidimError, np.linalg.LinAlgError) as error:
         return f"Window {window.id}: {error}"
 
@@ -97,7 +97,7 @@ def smoothed(
     return window.t[0] + rows * grid.step, local.value[rows].reshape(shape), noise
 
 
-def markers_against_lengths(mechanism: Mechanism, posed: list[Posed]) -> Redundancy | None:
+def markers_against_lengths(mechanism: Mechanism, posed: list[PosedMarkers]) -> Redundancy | None:
     """Distance of the markers from the surface, per coordinate; None where they are not redundant."""
     name, resolution = "markers-lengths", mechanism.robot.sensors.encoder_resolution
     rows = [
@@ -116,7 +116,7 @@ def markers_against_lengths(mechanism: Mechanism, posed: list[Posed]) -> Redunda
     return _compared(name, rows, found, expected, "the markers miss the poses that the held lengths allow by")
 
 
-def _by_lengths(one: Posed) -> float:
+def _by_lengths(one: PosedMarkers) -> float:
     """Mean square of ∂(marker coordinate)/∂(length) left after the pose has followed, summed over the cables."""
     J, xi = one.jacobian[one.good], one.structure[one.good]
     nothing, total = np.zeros(J.shape[:2]), 0.0
@@ -145,7 +145,7 @@ def rigid_markers(campaign: Campaign, windows: list[tuple[Window, np.ndarray, np
     return _compared("rigid-markers", rows, found, expected, "distances between markers differ from the robot file by")
 
 
-def pose_against_lengths(mechanism: Mechanism, posed: list[Posed]) -> Redundancy | None:
+def pose_against_lengths(mechanism: Mechanism, posed: list[PosedMarkers]) -> Redundancy | None:
     """Cable lengths of the pose from the markers alone, against the encoders; None with fewer than three markers."""
     rows, found, expected = [], [], []
     for one in posed:
@@ -167,7 +167,7 @@ def pose_against_lengths(mechanism: Mechanism, posed: list[Posed]) -> Redundancy
     )
 
 
-def currents_against_statics(mechanism: Mechanism, posed: list[Posed]) -> Redundancy | None:
+def currents_against_statics(mechanism: Mechanism, posed: list[PosedMarkers]) -> Redundancy | None:
     """Mean vertical force by the currents against the weight; None without currents or winches."""
     robot = mechanism.robot
     if robot.winches is None:
@@ -197,7 +197,7 @@ def currents_against_statics(mechanism: Mechanism, posed: list[Posed]) -> Redund
     )
 
 
-def _tensions(one: Posed, scale: np.ndarray) -> CableSeries | None:
+def _tensions(one: PosedMarkers, scale: np.ndarray) -> CableSeries | None:
     currents = one.window.currents
     if currents is None or not np.isfinite(currents).all():
         return None
@@ -208,7 +208,7 @@ def _tensions(one: Posed, scale: np.ndarray) -> CableSeries | None:
 
 
 def _compared(
-    name: str, rows: list[Posed] | list[Window], found: list[float], expected: list[float], what: str
+    name: str, rows: list[PosedMarkers] | list[Window], found: list[float], expected: list[float], what: str
 ) -> Redundancy:
     """The figures of all windows as one; what is found and expected are mean squares, m²."""
     rms, noise = float(np.sqrt(np.mean(found))), float(np.sqrt(np.mean(expected)))

@@ -13,7 +13,7 @@ import numpy as np
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.data_checks.placed import placed, rests
-from fidim_lab.identification.data_checks.poses import Sample, misfit, sampled
+from fidim_lab.identification.data_checks.poses import PoseSamples, misfit, sampled
 from fidim_lab.identification.data_checks.robot_changes import Change, robot_changes
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.model.mechanism import Mechanism
@@ -75,7 +75,7 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     return (_uncured(tried[0][1], before, best, len(tried), open_=len(fitted) < len(PLACED)),)
 
 
-def _hanging(unchanged: Mechanism, sample: Sample) -> float:
+def _hanging(unchanged: Mechanism, sample: PoseSamples) -> float:
     """The misfit near the poses at which the nominal body rests: cables of unlike lengths make it lean by a radian."""
     try:
         near = np.array([pose.rotation for pose in rests(unchanged, sample)])
@@ -88,7 +88,7 @@ def _cures(before: float, after: float) -> bool:
     return after < DATA_CHECKS.hopeless and after * DATA_CHECKS.robot_mistakes_better < min(before, 1e3)
 
 
-def _misfit(change: Change, sample: Sample, unchanged: Mechanism) -> float:
+def _misfit(change: Change, sample: PoseSamples, unchanged: Mechanism) -> float:
     lengths = sample.lengths * change.length_scale
     if change.order is not None:
         lengths = lengths[:, list(change.order)]

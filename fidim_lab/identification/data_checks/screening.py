@@ -20,7 +20,7 @@ from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.data_checks.encoder_check import check_encoders
 from fidim_lab.identification.data_checks.noise_check import NoiseLevels, check_noise, noise_levels
 from fidim_lab.identification.data_checks.redundancy import (
-    Posed,
+    PosedMarkers,
     Redundancy,
     currents_against_statics,
     markers_against_lengths,
@@ -31,7 +31,7 @@ from fidim_lab.identification.data_checks.redundancy import (
 )
 from fidim_lab.identification.data_checks.robot_mistakes import Mistake, find_mistakes
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.displaced import ScoreLimits
 from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.identification.markers.rigid_steps import without_rigid_steps
 from fidim_lab.identification.markers.samples import Inspected, inspect
@@ -93,7 +93,7 @@ def screen(campaign: Campaign, *, kinematics: bool = True) -> Screening:
     declared = campaign.robot.sensors.marker_noise
     levels = noise_levels(campaign.windows, declared)
     samples = sum(window.markers.shape[0] * window.markers.shape[1] for window in campaign.windows)
-    limits = Limits.for_tests(samples)
+    limits = ScoreLimits.for_tests(samples)
     inspected = [_inspected(campaign, window, levels, limits) for window in campaign.windows]
     chance = MARKERS.rigid_steps_chance / len(inspected)
     inspected = [without_rigid_steps(one, levels.declared, chance) for one in inspected]
@@ -115,7 +115,7 @@ def screen(campaign: Campaign, *, kinematics: bool = True) -> Screening:
     )
 
 
-def _inspected(campaign: Campaign, window: Window, levels: NoiseLevels, limits: Limits) -> Inspected:
+def _inspected(campaign: Campaign, window: Window, levels: NoiseLevels, limits: ScoreLimits) -> Inspected:
     """Markers and encoders of one window."""
     sigma = levels.by_channel[: window.markers.shape[1]]
     found = inspect(window, campaign.sample_rate, levels.declared, sigma, limits)
@@ -129,7 +129,7 @@ def _inspected(campaign: Campaign, window: Window, levels: NoiseLevels, limits: 
 def _redundancy(campaign: Campaign, sigma: Float[np.ndarray, "M 3"]) -> tuple[tuple[Redundancy, ...], tuple[str, ...]]:
     mechanism = Mechanism(campaign.robot)
     tried = [pose_window(mechanism, window, sigma) for window in campaign.windows if window.lengths is not None]
-    posed = [one for one in tried if isinstance(one, Posed)]
+    posed = [one for one in tried if isinstance(one, PosedMarkers)]
     several = [
         (window, *smoothed(window, sigma)[1:])
         for window in campaign.windows

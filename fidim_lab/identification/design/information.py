@@ -13,7 +13,7 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.cost import Cost
 from fidim_lab.identification.design.motions import Sensitive
 from fidim_lab.identification.design.task import SAMPLED, Criterion, DesignTask
-from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.windows import ReleasedWindow, place
 from fidim_lab.identification.mle.starts.possible import scales
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
@@ -35,7 +35,10 @@ Information = Float[np.ndarray, "W 9 9"]
 
 
 def information(
-    mechanism: Mechanism, task: DesignTask, placed: Sequence[Placed], shared: Float[np.ndarray, "9"] | None = None
+    mechanism: Mechanism,
+    task: DesignTask,
+    placed: Sequence[ReleasedWindow],
+    shared: Float[np.ndarray, "9"] | None = None,
 ) -> Information:
     """Information of each window about the nine base parameters, for a body (nominal unless given)."""
     shared = task.shared if shared is None else shared
@@ -84,7 +87,7 @@ def precision(mechanism: Mechanism, sensitive: Sensitive) -> Cost:
     return Cost(float(np.mean([part.value for part in parts])), np.mean([part.gradient for part in parts], axis=0))
 
 
-def _precision(mechanism: Mechanism, task: DesignTask, placed: Sequence[Placed], shared: np.ndarray) -> Cost:
+def _precision(mechanism: Mechanism, task: DesignTask, placed: Sequence[ReleasedWindow], shared: np.ndarray) -> Cost:
     each = information(mechanism, task, placed, shared)
     value = float(judged(task, each.sum(axis=0)[np.newaxis])[0])
     gradient = np.zeros((len(placed), task.width))
@@ -95,7 +98,7 @@ def _precision(mechanism: Mechanism, task: DesignTask, placed: Sequence[Placed],
     return Cost(value, gradient)
 
 
-def _aside(mechanism: Mechanism, task: DesignTask, placed: Placed, k: int) -> Placed:
+def _aside(mechanism: Mechanism, task: DesignTask, placed: ReleasedWindow, k: int) -> ReleasedWindow:
     step = np.zeros(task.width)
     step[k] = DIFFERENCE
     n = task.robot.n

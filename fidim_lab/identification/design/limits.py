@@ -18,7 +18,7 @@ PIECE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class LimitExcess:
     """How far windows exceed their limits: met where at most 0."""
 
     values: Float[np.ndarray, "W K"]
@@ -36,7 +36,7 @@ def worst_of_kinds(motions: Motions) -> Float[np.ndarray, "W 4"]:
     return np.stack([values.max(axis=(1, 2)) for values in _beyond(motions)], axis=1)
 
 
-def linearised(mechanism: Mechanism, sensitive: Sensitive) -> Limits:
+def linearised(mechanism: Mechanism, sensitive: Sensitive) -> LimitExcess:
     """The worst of each half second, cable and side, with its derivative by the window's own z."""
     motions = sensitive.motions
     low, high, moved, bad = _beyond(motions)
@@ -47,7 +47,7 @@ def linearised(mechanism: Mechanism, sensitive: Sensitive) -> Limits:
         _displacement(sensitive, moved, pieces),
         _conditioning(mechanism, sensitive, bad, pieces),
     ]
-    return Limits(*(np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)))
+    return LimitExcess(*(np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)))
 
 
 def _beyond(motions: Motions) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

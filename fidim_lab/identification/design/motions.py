@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fidim_lab.identification.design.task import SAMPLED, DesignTask
-from fidim_lab.identification.design.windows import Placed
+from fidim_lab.identification.design.windows import ReleasedWindow
 from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism, structure_expression
@@ -28,7 +28,7 @@ class Motions:
     """W windows at the N nodes of their grid."""
 
     task: DesignTask
-    placed: tuple[Placed, ...]
+    placed: tuple[ReleasedWindow, ...]
     trajectories: Trajectories
     regressors: Float[np.ndarray, "W N free 10"]
     """W′ = Ξ⊥ᵀ W_EE (Eq. 22) with Ξ⊥ of the marker's free coordinates"""
@@ -56,7 +56,7 @@ class Motions:
 
 
 def simulate(
-    mechanism: Mechanism, task: DesignTask, placed: Sequence[Placed], resolution: Resolution = SAMPLED
+    mechanism: Mechanism, task: DesignTask, placed: Sequence[ReleasedWindow], resolution: Resolution = SAMPLED
 ) -> Motions:
     """Free motions from the starts; NaN where one breaks down. Slack cables show as negative tensions."""
     states = States(

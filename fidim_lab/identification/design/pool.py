@@ -13,7 +13,7 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.limits import worst_of_kinds
 from fidim_lab.identification.design.motions import Motions, simulate
 from fidim_lab.identification.design.task import DesignTask
-from fidim_lab.identification.design.windows import Neighbour, Placed, place, rest_beside
+from fidim_lab.identification.design.windows import Neighbour, ReleasedWindow, place, rest_beside
 from fidim_lab.identification.workspace import Workspace, rest_near
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import conditioning, marker_selector
@@ -53,7 +53,7 @@ class _Swing:
     lengths: np.ndarray
     direction: np.ndarray
     size: float
-    placed: Placed
+    placed: ReleasedWindow
     resting: Float[np.ndarray, "4"]
     """how far at rest beyond the limits of each kind: negative"""
 
@@ -198,7 +198,7 @@ def _enlarged(mechanism: Mechanism, task: DesignTask, swing: _Swing, size: float
 
 
 def judged(
-    mechanism: Mechanism, task: DesignTask, placed: list[Placed], together: int = TOGETHER
+    mechanism: Mechanism, task: DesignTask, placed: list[ReleasedWindow], together: int = TOGETHER
 ) -> tuple[Float[np.ndarray, "K 10 10"], Float[np.ndarray, "K 4"]]:
     """W′ᵀW′ of each motion, and how far beyond its limits it goes (infinite where it breaks down)."""
     tables, beyond = np.zeros((len(placed), 10, 10)), np.full((len(placed), 4), np.inf)

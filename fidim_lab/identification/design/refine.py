@@ -16,10 +16,10 @@ from jaxtyping import Float
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design import cost
 from fidim_lab.identification.design.cost import Cost
-from fidim_lab.identification.design.limits import Limits, linearised
+from fidim_lab.identification.design.limits import LimitExcess, linearised
 from fidim_lab.identification.design.motions import Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask
-from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.windows import ReleasedWindow, place
 from fidim_lab.model.mechanism import Mechanism
 
 SIZES = {"position": 0.1, "rotation": 0.3, "tension": 2.0, "displacement": 0.02}
@@ -42,9 +42,9 @@ Objective = Callable[[Mechanism, Sensitive], Cost]
 class Evaluation:
     """A set of windows with its value, its limits, and derivatives."""
 
-    placed: tuple[Placed, ...]
+    placed: tuple[ReleasedWindow, ...]
     cost: Cost
-    limits: Limits
+    limits: LimitExcess
 
     @property
     def merit(self) -> float:
@@ -65,7 +65,7 @@ def evaluate(
     mechanism: Mechanism,
     task: DesignTask,
     z: Float[np.ndarray, "W z"],
-    near: tuple[Placed, ...] | None,
+    near: tuple[ReleasedWindow, ...] | None,
     objective: Objective = cost.excitation,
 ) -> Evaluation:
     """Everything about a set of windows. Raises InfeasibleError where one cannot rest, be displaced or be simulated."""

@@ -15,7 +15,7 @@ from fidim_lab.identification.design.limits import worst_of_kinds
 from fidim_lab.identification.design.motions import Motions, simulate
 from fidim_lab.identification.design.refine import Objective, Refined, refine
 from fidim_lab.identification.design.task import Criterion, DesignTask
-from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.windows import ReleasedWindow, place
 from fidim_lab.identification.design.within_reach import within_reach
 from fidim_lab.mapping import Map
 from fidim_lab.model.mechanism import Mechanism
@@ -33,7 +33,7 @@ POLISHED = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class DesignStart:
     """One start of many; self-contained, so that another process can do it."""
 
     task: DesignTask
@@ -42,7 +42,7 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class DesignFound:
     """The result of one start."""
 
     z: Float[np.ndarray, "W z"]
@@ -65,7 +65,7 @@ class Design:
     C: float
     """Eq. 40, whatever the criterion"""
     predicted_sd: Float[np.ndarray, "9"]
-    starts: tuple[Found, ...]
+    starts: tuple[DesignFound, ...]
     pool: int
     seconds: float
 
@@ -89,8 +89,8 @@ def design(task: DesignTask, starts: int, seed: int, run: Map, say: Say) -> Desi
     if task.criterion is not Criterion.C:
         placed = [place(mechanism, task, z) for z in drawn.z]
         drawn = replace(drawn, tables=information.information(mechanism, task, placed))
-    found: list[Found] = []
-    for one in run(begin_at, [Start(task, drawn, (seed, 1 + k)) for k in range(starts)]):
+    found: list[DesignFound] = []
+    for one in run(begin_at, [DesignStart(task, drawn, (seed, 1 + k)) for k in range(starts)]):
         found.append(one)
         best = min(f.value for f in found)
         say(f"start {len(found)} of {starts}: {task.criterion} = {one.value:.3g}, best {best:.3g}")
@@ -98,7 +98,7 @@ def design(task: DesignTask, starts: int, seed: int, run: Map, say: Say) -> Desi
     return _presented(mechanism, task, chosen, tuple(found), len(drawn.z), perf_counter() - begin)
 
 
-def begin_at(start: Start) -> Found:
+def begin_at(start: DesignStart) -> DesignFound:
     """Do one start."""
     begin, task = perf_counter(), start.task
     rng = np.random.default_rng(start.seed)
@@ -107,9 +107,9 @@ def begin_at(start: Start) -> Found:
     picked = pool.exchange(chosen, task.equilibria, _judge(task), rng)
     if task.winches is not None:  # what they reach has no gradient to descend by
         value = float(_judge(task)(chosen.tables[picked].sum(axis=0)[np.newaxis])[0])
-        return Found(chosen.z[picked], value, perf_counter() - begin, 0)
+        return DesignFound(chosen.z[picked], value, perf_counter() - begin, 0)
     refined = _refined(task.mechanism(), task, chosen.z[picked], STEPS)
-    return Found(refined.z, refined.value, perf_counter() - begin, refined.evaluations)
+    return DesignFound(refined.z, refined.value, perf_counter() - begin, refined.evaluations)
 
 
 def _refined(mechanism: Mechanism, task: DesignTask, z: np.ndarray, steps: int) -> Refined:
@@ -127,7 +127,7 @@ def _judge(task: DesignTask) -> pool.Judge:
     return pool.paper_criterion if task.criterion is Criterion.C else lambda sums: information.judged(task, sums)
 
 
-def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: Say) -> np.ndarray:
+def _polished(mechanism: Mechanism, task: DesignTask, found: list[DesignFound], say: Say) -> np.ndarray:
     """The best few starts followed to the end; limits are checked on a fine grid before one of all is chosen."""
     ended = sorted((one for one in found if np.isfinite(one.value)), key=lambda one: one.value)
     candidates = [(one.value, one.z) for one in ended]
@@ -146,12 +146,12 @@ def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: S
     )
 
 
-def _placed(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> list[Placed]:
+def _placed(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> list[ReleasedWindow]:
     return [place(mechanism, task, one) for one in z]
 
 
 def _presented(
-    mechanism: Mechanism, task: DesignTask, z: np.ndarray, found: tuple[Found, ...], drawn: int, seconds: float
+    mechanism: Mechanism, task: DesignTask, z: np.ndarray, found: tuple[DesignFound, ...], drawn: int, seconds: float
 ) -> Design:
     motions = simulate(mechanism, task, _placed(mechanism, task, z), FINE)
     each = information.information(mechanism, task, motions.placed)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.identification.design import pool
-from fidim_lab.identification.design.search import FOR_EACH, Start, begin_at
+from fidim_lab.identification.design.search import FOR_EACH, DesignStart, begin_at
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.mapping import Map
@@ -57,7 +57,7 @@ def study(
     rng = np.random.default_rng([seed, 0])
     drawn = pool.draw(mechanism, largest, wanted, rng, lambda k: say(f"{k} of {wanted} random windows"))
     of_samples = {n_s: _resampled(mechanism, replace(largest, samples=n_s), drawn) for _, n_s in sizes}
-    todo = [Start(tasks[size], of_samples[size[1]], (seed, 1 + k)) for size in sizes for k in range(starts)]
+    todo = [DesignStart(tasks[size], of_samples[size[1]], (seed, 1 + k)) for size in sizes for k in range(starts)]
     found = []
     for one in run(begin_at, todo):
         found.append(one)

@@ -31,7 +31,7 @@ Neighbour = tuple[Pose, Float[np.ndarray, " n"]]
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class ReleasedWindow:
     """One window at rest and let go."""
 
     rest: Pose
@@ -75,7 +75,9 @@ def rest_beside(mechanism: Mechanism, task: DesignTask, lengths: Float[np.ndarra
     return pose, held
 
 
-def place(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], near: Neighbour | None = None) -> Placed:
+def place(
+    mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], near: Neighbour | None = None
+) -> ReleasedWindow:
     """Rest and start of one window; `near`: rest and tensions of a neighbour, from which Newton's method starts.
 
     Raises InfeasibleError where it cannot rest with taut cables, or not be displaced so.
@@ -94,7 +96,7 @@ def place(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], ne
     xi = mechanism.structure_matrix(start.position[np.newaxis], start.rotation[np.newaxis])[0]
     twist_by = np.linalg.solve(np.vstack([_selector(task, start), xi]), np.vstack([wanted, lengths_by]))
     start_by = np.vstack([twist_by[:3], start.rotation.T @ twist_by[3:]])
-    return Placed(rest, held, start, rest_by, marker_by, start_by)
+    return ReleasedWindow(rest, held, start, rest_by, marker_by, start_by)
 
 
 def _rest(

@@ -15,7 +15,7 @@ from fidim_lab.identification.design import pool
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import SURE, Knowledge
-from fidim_lab.identification.excitation.place import Place, wanted_amplitudes
+from fidim_lab.identification.excitation.place import ExcitationPlace, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import planned
 from fidim_lab.mapping import Map
 from fidim_lab.model.mechanism import Mechanism
@@ -68,7 +68,7 @@ def reached(some: Some) -> list[Float[np.ndarray, " z"]]:
         raise OurBugError("Design: no winches to look at.")
     mechanism, n = task.mechanism(), task.robot.n
     for z in some.z:
-        place = Place.at(mechanism, z[:n])
+        place = ExcitationPlace.at(mechanism, z[:n])
         wanted = wanted_amplitudes(place, z[n:])
         ones, damping = np.ones(len(wanted)), task.winches.damping
         # as at a second try: the first one shows how much is damped

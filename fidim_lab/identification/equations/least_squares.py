@@ -18,10 +18,10 @@ from fidim_lab.identification.equations import linear, tls
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.instruments import Instrumented, instrumented
-from fidim_lab.identification.equations.linear import Fit, Sampled
+from fidim_lab.identification.equations.linear import LinearFit, Sampled
 from fidim_lab.identification.equations.problem import Problem, WindowEquations
 from fidim_lab.identification.equations.uncertainty import bootstrap_sd, leave_one_out
-from fidim_lab.identification.motion.recipe import Rows
+from fidim_lab.identification.motion.recipe import BalanceRows
 from fidim_lab.model.mechanism import Mechanism
 
 SETTLED = 0.1
@@ -100,7 +100,7 @@ def _least_squares(problem: Problem) -> tuple[Body, tuple[Sampled, ...]]:
     """The body that weights the equations, and the windows' equations with their weights."""
     windows = problem.of_role(Role.IDENTIFY)
     weights = problem.campaign.robot.nominal
-    repeats = problem.recipe.reweight if problem.recipe.rows is Rows.MARKER else 0
+    repeats = problem.recipe.reweight if problem.recipe.rows is BalanceRows.MARKER else 0
     sampled = _sampled(windows, weights)
     for _ in range(repeats):
         body = Body.from_vector(linear.fit(sampled).values)
@@ -151,11 +151,11 @@ def _noise_ratio(problem: Problem, error: float) -> float | None:
     return error / float(np.sqrt(np.mean(np.square(floors)))) if floors else None
 
 
-def _loose(found: Fit) -> np.ndarray:
+def _loose(found: LinearFit) -> np.ndarray:
     return found.sd * 100 > tls.WELL_IDENTIFIED_PERCENT * np.abs(found.values)
 
 
-def _non_essential(found: Fit) -> np.ndarray:
+def _non_essential(found: LinearFit) -> np.ndarray:
     return _loose(found) & tls.near_zero(found.values)
 
 

@@ -58,7 +58,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LinearFit:
     """One solution with its uncertainty."""
 
     values: Nine
@@ -112,14 +112,14 @@ class Hausman:
         )
 
 
-def fit(windows: Sequence[Sampled], active: np.ndarray | None = None) -> Fit:
+def fit(windows: Sequence[Sampled], active: np.ndarray | None = None) -> LinearFit:
     """θ and its covariance from all windows; `active` (9,) of bool: which parameters are estimated.
 
     Raises RefusedError when there are too few equations or the motion leaves a parameter open.
     """
     kept = np.ones(9, dtype=bool) if active is None else active
     values = solve(np.concatenate([stacked(w) for w in windows]), sum(w.rows for w in windows), kept)
-    return Fit(values, _covariance(windows, values, kept))
+    return LinearFit(values, _covariance(windows, values, kept))
 
 
 def stacked(window: Sampled) -> Float[np.ndarray, "rows 19"]:

@@ -1,7 +1,7 @@
 """The identification problem: every usable window as equations W χ = 0 (Eq. 20–25), ready for any estimator.
 
 `build` turns a campaign into a `Problem`; `WindowEquations.rows(body)` gives one window's regressor. `body` only
-weights the equations (`Rows.MARKER`); the paper's rows ignore it.
+weights the equations (`BalanceRows.MARKER`); the paper's rows ignore it.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.equations.refusals import together
 from fidim_lab.identification.motion.filters import FilterDesign, Kernels, convolve, design
 from fidim_lab.identification.motion.measured import MORE_MARKERS, MeasuredMotion, measure
-from fidim_lab.identification.motion.recipe import Recipe, Rows
+from fidim_lab.identification.motion.recipe import BalanceRows, Recipe
 from fidim_lab.identification.motion.surface import free_directions
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import free_twist_basis, marker_selector
@@ -34,7 +34,7 @@ class WindowEquations:
     platform: Float[np.ndarray, "N 6 10"]
     """W_EE (Eq. 19)"""
     directions: Float[np.ndarray, "N 6 free"]
-    """basis of the free twists: of the free coordinates (Eq. 6), or any for `Rows.MARKER`"""
+    """basis of the free twists: of the free coordinates (Eq. 6), or any for `BalanceRows.MARKER`"""
     recipe: Recipe
     noise: float
     """standard deviation of a marker coordinate, m"""
@@ -51,7 +51,7 @@ class WindowEquations:
 
     def rows(self, body: Body) -> Regressor:
         """W of this window at every usable sample, after the equation filter if there is one (not decimated)."""
-        if self.recipe.rows is Rows.FREE_COORDINATES:
+        if self.recipe.rows is BalanceRows.FREE_COORDINATES:
             return self._filtered(np.swapaxes(self.directions, 1, 2) @ self.platform)
         return self._filtered(self._marker_projection(body) @ self.platform)
 
@@ -67,7 +67,7 @@ class WindowEquations:
 
         White noise of the robot file's size through second differentiation and the equation filter.
         """
-        if self.recipe.rows is not Rows.MARKER:
+        if self.recipe.rows is not BalanceRows.MARKER:
             return None
         duration = float(self.window.t[-1] - self.window.t[0])
         taps = design(self.recipe.signals, self.measured.rate, duration).second
@@ -196,7 +196,7 @@ def motion_equations(mechanism: Mechanism, measured: MeasuredMotion, recipe: Rec
     """The equations of a motion that is known. Raises InfeasibleError at a singular pose."""
     motion, robot = measured.motion, mechanism.robot
     xi = mechanism.structure_matrix(motion.positions, motion.rotations)
-    if recipe.rows is Rows.FREE_COORDINATES:
+    if recipe.rows is BalanceRows.FREE_COORDINATES:
         directions = free_twist_basis(xi, marker_selector(motion.rotations, robot.marker, measured.axes))
     else:
         directions = free_directions(xi)

@@ -12,7 +12,7 @@ from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.estimate import Estimate, WindowAlone
 from fidim_lab.identification.equations.problem import Problem, WindowEquations
 from fidim_lab.identification.equations.uncertainty import bootstrap_sd, leave_one_out
-from fidim_lab.identification.motion.recipe import Rows
+from fidim_lab.identification.motion.recipe import BalanceRows
 
 ALONE_GAP = 5.0
 """a window identifies a body alone when its s_9 is so many times its s_10"""
@@ -59,7 +59,7 @@ def _weighted(problem: Problem, windows: tuple[WindowEquations, ...]) -> tuple[B
     A body without a positive definite mass matrix cannot weight anything: then the last one that has one stays.
     """
     body = problem.campaign.robot.nominal
-    repeats = problem.recipe.reweight if problem.recipe.rows is Rows.MARKER else 0
+    repeats = problem.recipe.reweight if problem.recipe.rows is BalanceRows.MARKER else 0
     blocks, rows = _blocks(windows, body)
     for _ in range(repeats):
         found = Body.from_vector(_values(np.concatenate(blocks), sum(rows)))

@@ -14,7 +14,7 @@ from scipy.linalg import hadamard
 
 from fidim_lab.data.records import Body
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 
 OFF = 0.05
 """part (of the lever, for the centre of mass) by which CAD may be off"""
@@ -69,7 +69,7 @@ class Bodies:
         """Whether it is known so well that further recordings would not change a plan."""
         return bool(np.all(self.spread <= SURE * sizes(self.likely)))
 
-    def tuned(self, place: Place, frequencies: Float[np.ndarray, " modes"], seen: Sequence[int]) -> "Bodies":
+    def tuned(self, place: ExcitationPlace, frequencies: Float[np.ndarray, " modes"], seen: Sequence[int]) -> "Bodies":
         """Each changed as little as makes it swing at these frequencies (Hz), at this place.
 
         seen: the modes whose frequencies are known. A body that cannot be tuned is left out; where not even the likely
@@ -110,23 +110,27 @@ def _possible(body: Body) -> bool:
     return bool(np.linalg.eigvalsh(body.inertia_about_com)[0] > 0)
 
 
-def _frequencies(place: Place, body: Body, modes: list[int]) -> Float[np.ndarray, " seen"]:
+def _frequencies(place: ExcitationPlace, body: Body, modes: list[int]) -> Float[np.ndarray, " seen"]:
     if not _possible(body):
         raise InfeasibleError("There is no such body.")
-    found = Place.at(place.mechanism, place.equilibrium.lengths, body).swing.frequencies
+    found = ExcitationPlace.at(place.mechanism, place.equilibrium.lengths, body).swing.frequencies
     if len(found) != len(place.swing.frequencies):
         raise InfeasibleError("This body has other modes.")
     return found[modes]
 
 
-def _slopes(place: Place, body: Body, off: Float[np.ndarray, "9 9"], modes: list[int]) -> Float[np.ndarray, "seen 9"]:
+def _slopes(
+    place: ExcitationPlace, body: Body, off: Float[np.ndarray, "9 9"], modes: list[int]
+) -> Float[np.ndarray, "seen 9"]:
     """Of the frequencies, relative, by the ways in which the body may be off."""
     here = _frequencies(place, body, modes)
     moved = [_frequencies(place, Body.from_vector(body.vector + STEP * unit), modes) for unit in off.T]
     return (np.array(moved) / here - 1).T / STEP
 
 
-def _tuned(place: Place, body: Body, wanted: np.ndarray, modes: list[int], slopes: np.ndarray, off: np.ndarray) -> Body:
+def _tuned(
+    place: ExcitationPlace, body: Body, wanted: np.ndarray, modes: list[int], slopes: np.ndarray, off: np.ndarray
+) -> Body:
     """The nearest body with these frequencies, by the ways in which it may be off: as far as frequencies are known."""
     gain = slopes.T @ np.linalg.inv(slopes @ slopes.T + KNOWN**2 * np.eye(len(modes)))
     for _ in range(ROUNDS):

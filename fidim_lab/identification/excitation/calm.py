@@ -16,7 +16,7 @@ from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.candidates import DUTY, SPARE
 from fidim_lab.identification.excitation.motion import at_rest, line_of, wider
-from fidim_lab.identification.excitation.place import MASS_OFF, Place, WinchLimits, inside
+from fidim_lab.identification.excitation.place import MASS_OFF, ExcitationPlace, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import COARSE, Chain, Pattern
 from fidim_lab.model.geometry import rotation_matrix
 from fidim_lab.model.motion import driven_motions
@@ -58,7 +58,7 @@ class Calming:
 
 
 def calmed(
-    place: Place,
+    place: ExcitationPlace,
     swing: Swing,
     states: Complex[np.ndarray, " modes"],
     t: float,
@@ -93,7 +93,7 @@ def calmed(
     )
 
 
-def _allowed(place: Place, alone: tuple[float, float]) -> tuple[float, float]:
+def _allowed(place: ExcitationPlace, alone: tuple[float, float]) -> tuple[float, float]:
     """What strokes may pull (N) where a body that swings by itself pulls so.
 
     A swing that breaks a limit by itself may be calmed by strokes that make it hardly worse; one in which cables come
@@ -108,7 +108,7 @@ def _allowed(place: Place, alone: tuple[float, float]) -> tuple[float, float]:
 
 
 def _pulls(
-    place: Place, swing: Swing, states: np.ndarray, chain: Chain, bodies: Sequence[Body]
+    place: ExcitationPlace, swing: Swing, states: np.ndarray, chain: Chain, bodies: Sequence[Body]
 ) -> list[tuple[float, float]]:
     """Smallest and largest tension (N) of a chain that begins with the modes in these states, of each body."""
     line = line_of((chain,), AFTER, COARSE)
@@ -122,7 +122,9 @@ def _pulls(
     return found
 
 
-def _on_its_cables(place: Place, pose: Pose, twist: Float[np.ndarray, "6"]) -> tuple[Pose, Float[np.ndarray, "6"]]:
+def _on_its_cables(
+    place: ExcitationPlace, pose: Pose, twist: Float[np.ndarray, "6"]
+) -> tuple[Pose, Float[np.ndarray, "6"]]:
     """The nearest pose at which cables are as long as they are held, and the twist with which they stay so.
 
     Modes are straight lines in the space of poses, which leave the cables by millimetres where the platform swings by
@@ -148,7 +150,13 @@ def _too_wild(why: str) -> InfeasibleError:
 
 
 def _most(
-    place: Place, swing: Swing, states: np.ndarray, t: float, earliest: float, limits: WinchLimits, share: float
+    place: ExcitationPlace,
+    swing: Swing,
+    states: np.ndarray,
+    t: float,
+    earliest: float,
+    limits: WinchLimits,
+    share: float,
 ) -> Calming:
     """The chain that takes most away with this share of what the winches may do; tensions are not looked at."""
     omega = np.abs(np.imag(swing.rates))

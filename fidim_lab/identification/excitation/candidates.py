@@ -15,7 +15,7 @@ from jaxtyping import Complex, Float
 from scipy import optimize
 
 from fidim_lab.errors import OurBugError
-from fidim_lab.identification.excitation.place import Place, WinchLimits
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits
 from fidim_lab.identification.excitation.strokes import Chain, Pattern
 from fidim_lab.model.swing import Swing
 
@@ -57,7 +57,7 @@ class Hanging:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class ChainCandidate:
     """Chains by linear theory."""
 
     share: float
@@ -75,13 +75,13 @@ class Candidate:
 
 
 def candidates(
-    place: Place,
+    place: ExcitationPlace,
     wanted: Float[np.ndarray, " modes"],
     ratio: Float[np.ndarray, " modes"],
     gain: Float[np.ndarray, " modes"],
     limits: WinchLimits,
     hanging: Sequence[Hanging],
-) -> list[Candidate]:
+) -> list[ChainCandidate]:
     """The chains that bring the platform nearest to the wanted swing (m) within all limits; after them quicker ones.
 
     ratio: of true frequencies to the model's. gain: by how much farther than the model each mode's chain may swing the
@@ -95,7 +95,7 @@ def candidates(
     # with more bodies less is reached, never more: who is behind with the likely one need not be looked at with all
     bounds = [(float(program.solution(hanging[:1])[-1]), program) for program in programs]
     solved: dict[_Program, np.ndarray] = {}
-    found: list[Candidate] = []
+    found: list[ChainCandidate] = []
     for part in SOONER:
         time = part * found[0].seconds if found else np.inf
         quick = [one for one in bounds if one[1].seconds <= time]
@@ -103,7 +103,7 @@ def candidates(
             break
         x, program = _best(quick, hanging, solved)
         share = min(1.0, float(x[-1]))
-        found.append(Candidate(share, program.chains(x * share / max(float(x[-1]), TINY)), modes, by_winches))
+        found.append(ChainCandidate(share, program.chains(x * share / max(float(x[-1]), TINY)), modes, by_winches))
     return found
 
 
@@ -147,7 +147,7 @@ def _most_first(one: tuple[float, "_Program"]) -> tuple[float, float]:
 
 
 def _programs(
-    place: Place,
+    place: ExcitationPlace,
     wanted: Float[np.ndarray, " modes"],
     ratio: Float[np.ndarray, " modes"],
     gain: Float[np.ndarray, " modes"],
@@ -170,7 +170,7 @@ def _programs(
 class _Program:
     """Unknown are the chains' directions (in `SIZE`), one after the other, and last the share of the wanted swing."""
 
-    place: Place
+    place: ExcitationPlace
     patterns: tuple[Pattern, ...]
     modes: tuple[int, ...]
     wanted: Float[np.ndarray, " modes"]

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from fidim_lab.arrays import Positions, Series
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.candidates import SPARE, begins_of
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.strokes import COARSE, FINEST, Chain, Timeline, timeline
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.motion import driven_derivative, driven_motions
@@ -42,7 +42,10 @@ T = TypeVar("T")
 
 
 def swings_after(
-    place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...], ratio: Float[np.ndarray, " modes"] | None = None
+    place: ExcitationPlace,
+    chains: tuple[Chain, ...],
+    modes: tuple[int, ...],
+    ratio: Float[np.ndarray, " modes"] | None = None,
 ) -> Float[np.ndarray, " modes"]:
     """How far the model's marker swings in each mode (m) after these chains; `place.swing` has the damping.
 
@@ -59,7 +62,11 @@ def swings_after(
 
 
 def marker_after(
-    place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...], ratio: Float[np.ndarray, " modes"], seconds: float
+    place: ExcitationPlace,
+    chains: tuple[Chain, ...],
+    modes: tuple[int, ...],
+    ratio: Float[np.ndarray, " modes"],
+    seconds: float,
 ) -> tuple[Series, Positions]:
     """The model's marker (m) during the free motion after these chains, as `swings_after`; t is 0 at the hold."""
     chains = retimed(chains, modes, 1 / ratio)
@@ -82,7 +89,7 @@ def retimed(
     )
 
 
-def in_step(place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...]) -> tuple[Chain, ...]:
+def in_step(place: ExcitationPlace, chains: tuple[Chain, ...], modes: tuple[int, ...]) -> tuple[Chain, ...]:
     """Each chain as slow as makes its mode swing farthest: large swings take longer than small ones."""
     found = chains
     for mode in modes:
@@ -97,7 +104,7 @@ def in_step(place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...]) -> 
 
 
 def solved(
-    place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...], wanted: Float[np.ndarray, " modes"]
+    place: ExcitationPlace, chains: tuple[Chain, ...], modes: tuple[int, ...], wanted: Float[np.ndarray, " modes"]
 ) -> tuple[Chain, ...]:
     """Sizes by Newton's method on the nonlinear model: as many amplitudes as chains."""
     line, swing, index = line_of(chains, 0.0), place.swing, list(modes)
@@ -127,7 +134,11 @@ def solved(
 
 
 def within_tensions(
-    place: Place, chains: tuple[Chain, ...], gains: np.ndarray, others: Sequence[Place], tension: tuple[float, float]
+    place: ExcitationPlace,
+    chains: tuple[Chain, ...],
+    gains: np.ndarray,
+    others: Sequence[ExcitationPlace],
+    tension: tuple[float, float],
 ) -> tuple[float, tuple[float, float]]:
     """How large the chains may be for all bodies' tensions to keep their limits, and the extremes then (N).
 
@@ -152,7 +163,7 @@ def within_tensions(
     return _largest(look)
 
 
-def at_rest(place: Place, chains: Sequence[Chain]) -> tuple[float, float]:
+def at_rest(place: ExcitationPlace, chains: Sequence[Chain]) -> tuple[float, float]:
     """Smallest and largest tension (N) of resting at the strokes' ends; infinite where there is no rest."""
     found = (np.inf, -np.inf)
     for ends in (chain.direction * side for chain in chains for side in (1.0, -1.0)):

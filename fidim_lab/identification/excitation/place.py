@@ -52,7 +52,7 @@ class WinchLimits:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class ExcitationPlace:
     """An equilibrium where the winches excite."""
 
     mechanism: Mechanism
@@ -61,16 +61,16 @@ class Place:
     swing: Swing
 
     @staticmethod
-    def at(mechanism: Mechanism, lengths: PerCable, body: Body | None = None) -> "Place":
+    def at(mechanism: Mechanism, lengths: PerCable, body: Body | None = None) -> "ExcitationPlace":
         """By the nominal body unless given. Raises InfeasibleError where the platform does not rest there."""
         body = body or mechanism.robot.nominal
         equilibrium = pose_from_lengths(mechanism, body, lengths)
-        return Place(mechanism, body, equilibrium, swing_about(mechanism, body, equilibrium))
+        return ExcitationPlace(mechanism, body, equilibrium, swing_about(mechanism, body, equilibrium))
 
-    def beside(self, body: Body) -> "Place":
+    def beside(self, body: Body) -> "ExcitationPlace":
         """Another body at the same lengths, on the same branch. Raises InfeasibleError where it does not rest there."""
         equilibrium = pose_from_lengths(self.mechanism, body, self.equilibrium.lengths, self.equilibrium.pose)
-        return Place(self.mechanism, body, equilibrium, swing_about(self.mechanism, body, equilibrium))
+        return ExcitationPlace(self.mechanism, body, equilibrium, swing_about(self.mechanism, body, equilibrium))
 
     @property
     def robot(self) -> Robot:
@@ -84,7 +84,7 @@ def inside(tension: tuple[float, float]) -> tuple[float, float]:
     return tension[0] * (1 + MASS_OFF) + spare, tension[1] / (1 + MASS_OFF) - spare
 
 
-def wanted_amplitudes(place: Place, displacement: Float[np.ndarray, "2"]) -> Float[np.ndarray, " modes"]:
+def wanted_amplitudes(place: ExcitationPlace, displacement: Float[np.ndarray, "2"]) -> Float[np.ndarray, " modes"]:
     """How far each mode would swing (marker, m) were the platform let go with the marker displaced so in x, y (m)."""
     swing = place.swing
     # of all ways to have the marker there, the one with the least potential energy: what a hand's pull at it gives

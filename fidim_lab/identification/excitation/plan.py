@@ -18,7 +18,7 @@ from fidim_lab.data.records import Body
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.candidates import (
     SPARE,
-    Candidate,
+    ChainCandidate,
     Hanging,
     begins_of,
     candidates,
@@ -34,7 +34,7 @@ from fidim_lab.identification.excitation.motion import (
     swings_after,
     within_tensions,
 )
-from fidim_lab.identification.excitation.place import Place, WinchLimits, inside
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import Chain
 
 BESIDE = 8
@@ -80,7 +80,7 @@ class Excitation:
 
 
 def planned(
-    place: Place,
+    place: ExcitationPlace,
     wanted: Float[np.ndarray, " modes"],
     knowledge: Knowledge | None = None,
     limits: WinchLimits | None = None,
@@ -148,10 +148,10 @@ class _Planned:
 class _Trial:
     """What a plan is made for; the place's swing has the damping that is known."""
 
-    place: Place
+    place: ExcitationPlace
     wanted: Float[np.ndarray, " modes"]
     knowledge: Knowledge
-    others: tuple[Place, ...]
+    others: tuple[ExcitationPlace, ...]
     """the same lengths with other bodies"""
     tension: tuple[float, float]
 
@@ -180,7 +180,7 @@ class _Trial:
         """Gains with which tensions are looked at."""
         return np.maximum(self.knowledge.gain, 1.0)
 
-    def _as_before(self, before: Excitation, limits: WinchLimits) -> Candidate:
+    def _as_before(self, before: Excitation, limits: WinchLimits) -> ChainCandidate:
         """The same directions and turns, timed anew and as large as is wanted: it is known what they do."""
         halves, ratio, aims = half_periods(self.place.swing), self.knowledge.ratio, self.wanted / self.knowledge.gain
         chains = tuple(
@@ -195,9 +195,9 @@ class _Trial:
             limits.used(held, chain, float(ratio[mode])) for chain, mode in zip(chains, before.modes, strict=True)
         )
         share = min(1.0, SPARE / used)
-        return Candidate(share, tuple(chain.scaled(share) for chain in chains), before.modes, share)
+        return ChainCandidate(share, tuple(chain.scaled(share) for chain in chains), before.modes, share)
 
-    def _carried_out(self, candidate: Candidate, gain: np.ndarray) -> _Planned:
+    def _carried_out(self, candidate: ChainCandidate, gain: np.ndarray) -> _Planned:
         """By the nonlinear model times a gain, as large as tensions allow."""
         chains, modes, aims = candidate.chains, candidate.modes, candidate.share * self.wanted / gain
         if not candidate.share > 0:

@@ -1,7 +1,7 @@
 """The swing of the platform, from its main marker: a sum of decaying oscillations, fitted to some seconds.
 
 No body enters but a first guess of the frequencies, so that a plan can be judged by it. `seen_swing` for amplitudes,
-`learnt` for what the next plan should know, `Seen.states` for the modes' phases.
+`learnt` for what the next plan should know, `SwingOscillations.states` for the modes' phases.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from fidim_lab.arrays import Positions, Series, Vector3
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import GAINS, MOST_DAMPING, RATIOS, SURE, Knowledge
 from fidim_lab.identification.excitation.motion import marker_after, swings_after
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.plan import Excitation
 from fidim_lab.model.swing import Swing
 
@@ -27,7 +27,7 @@ CORRECTIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SwingOscillations:
     """What the marker did, as decaying oscillations about its rest."""
 
     t: float
@@ -63,7 +63,7 @@ class Seen:
 
 def seen_swing(
     swing: Swing, t: Series, marker: Positions, *, rest: Vector3 | None = None, at_end: bool = False
-) -> Seen | None:
+) -> SwingOscillations | None:
     """The oscillations of a marker (NaN where it was not seen); None where too little was.
 
     rest: where it would rest, m; fitted unless given. at_end: amplitudes at the last sample, not at the first.
@@ -92,7 +92,7 @@ def seen_swing(
     found = optimize.least_squares(lambda x: fitted(x)[2].ravel(), guess, bounds=(low, high), x_scale=guess)
     rates, weights, residual = fitted(found.x)
     count = len(s)
-    return Seen(
+    return SwingOscillations(
         t=origin,
         rates=rates,
         oscillations=weights[:count] + 1j * weights[count : 2 * count],
@@ -100,7 +100,7 @@ def seen_swing(
     )
 
 
-class Found(Protocol):
+class LearntMotion(Protocol):
     """What there is to learn from: per mode, slowest first."""
 
     @property
@@ -119,7 +119,7 @@ class Found(Protocol):
         ...
 
 
-def learnt(place: Place, excitation: Excitation, seen: Found, before: Knowledge) -> Knowledge:
+def learnt(place: ExcitationPlace, excitation: Excitation, seen: LearntMotion, before: Knowledge) -> Knowledge:
     """What a recording after an excitation taught about this place; a mode that was not excited keeps what was known.
 
     The model's own motion goes through the same fit: frequencies and damping of large swings differ from those of small
@@ -149,15 +149,17 @@ def learnt(place: Place, excitation: Excitation, seen: Found, before: Knowledge)
 class Lesson:
     """What a recording taught."""
 
-    place: Place
+    place: ExcitationPlace
     """with the body that is likely now"""
     bodies: Bodies
     knowledge: Knowledge
 
 
-def taught(place: Place, bodies: Bodies, excitation: Excitation, seen: Found, before: Knowledge) -> Lesson:
+def taught(
+    place: ExcitationPlace, bodies: Bodies, excitation: Excitation, seen: LearntMotion, before: Knowledge
+) -> Lesson:
     """As `learnt`, with bodies tuned to the frequencies that were seen; knowledge is what these do not explain."""
     first = learnt(place, excitation, seen, before)
     tuned = bodies.tuned(place, first.ratio * place.swing.frequencies, excitation.modes)
-    there = Place.at(place.mechanism, place.equilibrium.lengths, tuned.likely)
+    there = ExcitationPlace.at(place.mechanism, place.equilibrium.lengths, tuned.likely)
     return Lesson(there, tuned, learnt(there, excitation, seen, before))

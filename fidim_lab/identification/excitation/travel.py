@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import PerCable
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.strokes import COARSE, timeline
 from fidim_lab.model.motion import driven_derivative, driven_motions
 from fidim_lab.model.swing import Swing
@@ -62,14 +62,16 @@ class Travel:
     """N on the way"""
 
 
-def travelled(start: Place, goal: Place, speed: float, acceleration: float) -> Travel:
+def travelled(start: ExcitationPlace, goal: ExcitationPlace, speed: float, acceleration: float) -> Travel:
     """What comes of a given move, by the nonlinear model without damping."""
     way = _way(start, goal)
     ramp = min(speed / acceleration, float(np.sqrt(way / acceleration)))
     return _looked_at(start, goal, Trapezoid(ramp, way / (ramp * acceleration) + ramp))
 
 
-def travel(start: Place, goal: Place, speed: float, acceleration: float, swing: float = 1e-3) -> Travel:
+def travel(
+    start: ExcitationPlace, goal: ExcitationPlace, speed: float, acceleration: float, swing: float = 1e-3
+) -> Travel:
     """The quickest move between two equilibria that leaves the marker swinging less than `swing` (m).
 
     speed, acceleration: the highest allowed. Of the robot's tension limits, those that the rests keep are kept on the
@@ -100,7 +102,7 @@ def travel(start: Place, goal: Place, speed: float, acceleration: float, swing: 
     return _best(found, start, goal)
 
 
-def _best(found: list[Travel], start: Place, goal: Place) -> Travel:
+def _best(found: list[Travel], start: ExcitationPlace, goal: ExcitationPlace) -> Travel:
     """The one that leaves least, of those that keep the limits."""
     safe = [one for one in found if _keeps(one, start, goal)]
     if not safe:
@@ -111,7 +113,7 @@ def _best(found: list[Travel], start: Place, goal: Place) -> Travel:
     return min(safe, key=lambda one: one.left)
 
 
-def _way(start: Place, goal: Place) -> float:
+def _way(start: ExcitationPlace, goal: ExcitationPlace) -> float:
     return float(np.abs(goal.equilibrium.lengths - start.equilibrium.lengths).max())
 
 
@@ -122,7 +124,7 @@ def _left(swing: Swing, direction: PerCable, speed: float, ramp: float) -> float
     return float(np.linalg.norm(response * swing.lever))
 
 
-def _looked_at(start: Place, goal: Place, shape: Trapezoid) -> Travel:
+def _looked_at(start: ExcitationPlace, goal: ExcitationPlace, shape: Trapezoid) -> Travel:
     ways = goal.equilibrium.lengths - start.equilibrium.lengths
     needed = shape.seconds / COARSE + 12
     count = next((steps for steps in STEPS if steps >= needed), int(needed) + 1)
@@ -144,7 +146,7 @@ def _looked_at(start: Place, goal: Place, shape: Trapezoid) -> Travel:
     )
 
 
-def _keeps(found: Travel, start: Place, goal: Place) -> bool:
+def _keeps(found: Travel, start: ExcitationPlace, goal: ExcitationPlace) -> bool:
     """Whether no tension leaves the limits farther than both rests do."""
     low, high = start.robot.limits.tension
     rests = np.concatenate([one.equilibrium.tensions_in_newton(one.robot.mass) for one in (start, goal)])

@@ -13,7 +13,7 @@ from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.members import lay_out
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle import held_out
-from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.model.sensitivity.equations import BODY
 
 FEWEST_MARKERS = 3
@@ -23,7 +23,7 @@ ALL_SINGLES = 4
 
 
 @dataclass(frozen=True)
-class Predicted:
+class CrossPrediction:
     """One window as a fit predicts it that has not seen it."""
 
     campaign: str
@@ -45,7 +45,7 @@ class Cross:
 
     fitted: tuple[int, ...]
     predicted: int
-    windows: tuple[Predicted, ...]
+    windows: tuple[CrossPrediction, ...]
 
     @property
     def rms(self) -> float | None:
@@ -93,24 +93,24 @@ def predicted_by(common: Common, fitted: JointFit, member: int, roles: Sequence[
         if piece.key in known:
             shared[piece.place] = fitted.values[known[piece.key]]
     windows = [window for role in roles for window in campaign.of_role(role)]
-    recordings: list[Recording] = []
-    said: list[Predicted] = []
+    recordings: list[FollowedSamples] = []
+    said: list[CrossPrediction] = []
     for window in windows:
         try:
             recordings.append(prepare(window, campaign.robot))
         except RefusedError as refusal:
-            said.append(Predicted(campaign.name, window.id, None, None, None, 0.0, str(refusal)))
+            said.append(CrossPrediction(campaign.name, window.id, None, None, None, 0.0, str(refusal)))
     (mechanism,) = layout.mechanisms
     predicted = held_out.predict_all(mechanism, shared[layout.places[0]], recordings, campaign.robot.sensors)
     for recording, one in zip(recordings, predicted, strict=True):
         name = recording.window.id
         if isinstance(one, RefusedError):
-            said.append(Predicted(campaign.name, name, None, None, None, 0.0, str(one)))
+            said.append(CrossPrediction(campaign.name, name, None, None, None, 0.0, str(one)))
             continue
         left = one.remainder
         seconds = float(left.t[-1] - left.t[0])
         rms_of_pose = of_pose(left.residuals, left.predicted)
-        said.append(Predicted(campaign.name, name, left.rms, rms_of_pose, left.chi2_per_dof, seconds))
+        said.append(CrossPrediction(campaign.name, name, left.rms, rms_of_pose, left.chi2_per_dof, seconds))
     order = {window.id: k for k, window in enumerate(windows)}
     return Cross(fitted.chosen, member, tuple(sorted(said, key=lambda one: order[one.window])))
 

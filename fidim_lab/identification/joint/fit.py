@@ -25,7 +25,7 @@ from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelF
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.joint.found import JointFit
-from fidim_lab.identification.joint.members import Layout, Member, lay_out
+from fidim_lab.identification.joint.members import JointMember, Layout, lay_out
 from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle.evidence import FACTORS, SAME, over_factors
@@ -64,7 +64,7 @@ class Alone:
 
     found: Fit
     """its geometry as in the file, and only to a standard deviation: where the joint fit begins"""
-    member: Member
+    member: JointMember
 
 
 def alone(common: Common, *, native: bool) -> tuple[Alone, ...]:
@@ -78,7 +78,7 @@ def alone(common: Common, *, native: bool) -> tuple[Alone, ...]:
                 hint="Give some windows of campaign.toml the role 'identify', or leave this campaign out.",
             )
         single = fit(Mechanism(campaign.robot, native=native), windows, hasty=True)
-        member = Member(campaign, single.likelihood, single.journey.ends, _worth(single.remainders))
+        member = JointMember(campaign, single.likelihood, single.journey.ends, _worth(single.remainders))
         found.append(Alone(single, member))
     return tuple(found)
 
@@ -133,7 +133,7 @@ def _again(
 class _Task:
     chosen: tuple[int, ...]
     layout: Layout
-    members: tuple[Member, ...]
+    members: tuple[JointMember, ...]
     body: Body
     """where the search begins"""
 
@@ -192,12 +192,12 @@ def _fitted(
     return min((one for one in (found, again) if one is not None), key=lambda one: one.cost, default=None)
 
 
-def _lost(members: Sequence[Member], found: JointOptimum) -> bool:
+def _lost(members: Sequence[JointMember], found: JointOptimum) -> bool:
     """Whether a window got lost that may be found again."""
     return any(of_one - m.astray for m, of_one in zip(members, _astray(members, found), strict=True))
 
 
-def _astray(members: Sequence[Member], found: JointOptimum) -> list[frozenset[int]]:
+def _astray(members: Sequence[JointMember], found: JointOptimum) -> list[frozenset[int]]:
     each = zip(members, found.simulations, strict=True)
     return [frozenset(w for w in range(len(m.ends)) if is_lost(m.likelihood, one, w)) for m, one in each]
 

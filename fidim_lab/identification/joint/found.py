@@ -9,7 +9,7 @@ from jaxtyping import Float
 from fidim_lab.data.records import Body
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
-from fidim_lab.identification.joint.members import Layout, Member
+from fidim_lab.identification.joint.members import JointMember, Layout
 from fidim_lab.identification.joint.search import JointOptimum
 from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.evidence import ODDS
@@ -30,7 +30,7 @@ class JointFit:
     chosen: tuple[int, ...]
     """which of the campaigns"""
     layout: Layout
-    members: tuple[Member, ...]
+    members: tuple[JointMember, ...]
     optimum: JointOptimum
     start: Body
     prior: Prior

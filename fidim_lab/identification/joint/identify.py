@@ -22,7 +22,7 @@ from fidim_lab.identification.joint.words import message, warnings
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, Outcome, WindowVerdict
+from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, ResultOutcome, WindowVerdict
 from fidim_lab.model.sensitivity.equations import BODY
 
 FEWEST, MOST = 2, 8
@@ -143,15 +143,15 @@ def _cleaned(campaigns: Sequence[Campaign]) -> tuple[list[str], tuple[Removed, .
     return notes, tuple(removed), cleaned
 
 
-def _outcome(whole: JointFit, figures: Figures) -> Outcome:
+def _outcome(whole: JointFit, figures: Figures) -> ResultOutcome:
     """How it ended; the worst of what applies."""
     if not consistency.can_exist(figures.body) or figures.moved > consistency.ALLOWED:
-        return Outcome.IMPOSSIBLE_BODY
+        return ResultOutcome.IMPOSSIBLE_BODY
     if not whole.settled:
-        return Outcome.NOT_CONVERGED
+        return ResultOutcome.NOT_CONVERGED
     if whole.excess > MISFIT:
-        return Outcome.MISFIT
-    return Outcome.DOUBTFUL if doubtful(figures) else Outcome.CONVERGED
+        return ResultOutcome.MISFIT
+    return ResultOutcome.DOUBTFUL if doubtful(figures) else ResultOutcome.CONVERGED
 
 
 def _dissipation(whole: JointFit) -> dict[str, tuple[float, float]]:

@@ -100,7 +100,7 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Member:
+class JointMember:
     """A campaign's recordings as the joint fit uses them."""
 
     campaign: Campaign
@@ -116,7 +116,7 @@ class Member:
         """The same, no farther than a horizon."""
         return np.minimum(self.ends, horizon)
 
-    def by(self, mechanism: Mechanism) -> "Member":
+    def by(self, mechanism: Mechanism) -> "JointMember":
         """With another model."""
         return replace(self, likelihood=replace(self.likelihood, mechanism=mechanism))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.identification.joint.members import Layout, Member
+from fidim_lab.identification.joint.members import JointMember, Layout
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.trajectories.likelihood import Point, Simulation, linearised, simulate, stepped
 from fidim_lab.identification.mle.trajectories.normal import Part, Prior, Tables, compress, step_of_parts
@@ -59,11 +59,11 @@ class JointOptimum:
         left = sum(simulation.cost for simulation in self.simulations)
         return effort.promise * max(1.0, self.cost / count) * hasty(effort, left / count)
 
-    def parts(self, members: Sequence[Member], layout: Layout) -> tuple[Part, ...]:
+    def parts(self, members: Sequence[JointMember], layout: Layout) -> tuple[Part, ...]:
         """The linearised problem, campaign by campaign."""
         return parts_of(members, layout, self.tables)
 
-    def remainders(self, members: Sequence[Member]) -> tuple[tuple[Remainder, ...], ...]:
+    def remainders(self, members: Sequence[JointMember]) -> tuple[tuple[Remainder, ...], ...]:
         """The residual of every window."""
         return tuple(
             tuple(remainder(member.likelihood, simulation, w) for w in range(len(member.ends)))
@@ -71,14 +71,14 @@ class JointOptimum:
         )
 
 
-def parts_of(members: Sequence[Member], layout: Layout, tables: Sequence[Tables]) -> tuple[Part, ...]:
+def parts_of(members: Sequence[JointMember], layout: Layout, tables: Sequence[Tables]) -> tuple[Part, ...]:
     """The linearised problem, campaign by campaign."""
     each = zip(members, tables, layout.places, strict=True)
     return tuple(Part(of_one, member.likelihood.own, place) for member, of_one, place in each)
 
 
 def search(
-    members: Sequence[Member],
+    members: Sequence[JointMember],
     layout: Layout,
     start: tuple[Float[np.ndarray, " shared"], Sequence[States]],
     horizon: float,
@@ -117,13 +117,13 @@ def search(
     return None
 
 
-def linear_tables(member: Member, simulation: Simulation) -> Tables:
+def linear_tables(member: JointMember, simulation: Simulation) -> Tables:
     """The linearised problem of one campaign, each window weighed by what it is worth."""
     tables = compress(linearised(member.likelihood, simulation), len(simulation.ends))
     return tables * np.sqrt(member.worth)[:, np.newaxis, np.newaxis]
 
 
-def _weighed(member: Member, simulation: Simulation) -> float:
+def _weighed(member: JointMember, simulation: Simulation) -> float:
     """Sum of squares; infinite where a motion could not be simulated."""
     costs = np.array([residual.rows @ residual.rows for residual in simulation.residuals])
     total = float(member.worth @ costs)
@@ -135,7 +135,7 @@ def _points(layout: Layout, shared: np.ndarray, states: Sequence[States]) -> lis
 
 
 def _stepped(
-    members: Sequence[Member],
+    members: Sequence[JointMember],
     layout: Layout,
     simulations: Sequence[Simulation],
     own: Sequence[np.ndarray],
@@ -146,7 +146,7 @@ def _stepped(
 
 
 def _at(
-    members: Sequence[Member],
+    members: Sequence[JointMember],
     points: Sequence[Point],
     horizon: float,
     prior: Prior,

@@ -12,12 +12,12 @@ from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
 from fidim_lab.identification.mle.geometry_words import furthest
-from fidim_lab.identification.results.result import Geometry, Outcome
+from fidim_lab.identification.results.result import Geometry, ResultOutcome
 from fidim_lab.identification.survey import TYPICAL_ANCHOR
 from fidim_lab.units import millimetres, plain
 
 
-def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
+def message(ended: ResultOutcome, whole: JointFit, figures: Figures) -> str:
     """A paragraph for a person."""
     windows = sum(len({whole_id(r.window.id) for r in m.likelihood.recordings}) for m in whole.members)
     every = [left for of_one in whole.remainders for left in of_one]
@@ -29,7 +29,7 @@ def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
         f"{plain(whole.chi2_per_dof)}.",
         consistency.sentence(figures.body),
     ]
-    if ended is Outcome.NOT_CONVERGED:
+    if ended is ResultOutcome.NOT_CONVERGED:
         parts.append(whole.optimum.ending.value)
     if figures.unseen:
         parts.append(f"Not seen by these recordings: {', '.join(figures.unseen)}.")

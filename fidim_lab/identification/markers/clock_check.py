@@ -6,7 +6,7 @@ import numpy as np
 
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Window
-from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.finding import DefectKind, Finding
 from fidim_lab.identification.markers.thresholds import MARKERS
 
 
@@ -48,15 +48,15 @@ def check_clock(window: Window, rate: float) -> tuple[Finding, ...]:
             f"Window {window.id}: samples come every {grid.step * 1e3:.4g} ms; the campaign says {1e3 / rate:.4g} ms "
             f"({rate:g} Hz)."
         )
-        found.append(Finding(Kind.CLOCK, window.id, "t", (begin, end), grid.step - 1 / rate, "s", says))
+        found.append(Finding(DefectKind.CLOCK, window.id, "t", (begin, end), grid.step - 1 / rate, "s", says))
     if grid.jitter > MARKERS.clock_check_uneven:
         worst = int(np.argmax(np.abs(np.diff(window.t) - np.diff(grid.slots) * grid.step)))
         size, at = grid.jitter * grid.step, float(window.t[worst + 1])
         says = f"Window {window.id}: time stamps are uneven by up to {size * 1e3:.3g} ms (at {at:.3f} s)."
-        found.append(Finding(Kind.CLOCK, window.id, "t", (at, at), size, "s", says))
+        found.append(Finding(DefectKind.CLOCK, window.id, "t", (at, at), size, "s", says))
     missing = np.diff(grid.slots) - 1
     for row in np.flatnonzero(missing):
         t = (float(window.t[row]), float(window.t[row + 1]))
         says = f"Window {window.id}: {missing[row]} rows are missing between {t[0]:.3f} and {t[1]:.3f} s."
-        found.append(Finding(Kind.GAP, window.id, "t", t, float(missing[row]), "samples", says))
+        found.append(Finding(DefectKind.GAP, window.id, "t", t, float(missing[row]), "samples", says))
     return tuple(found)

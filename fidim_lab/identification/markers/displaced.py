@@ -16,22 +16,22 @@ from scipy.special import chdtri, ndtri
 from fidim_lab.arrays import runs
 from fidim_lab.identification.markers.lost_frames import LostFrames, lost_frames
 from fidim_lab.identification.markers.neighbours import look
-from fidim_lab.identification.markers.rivals import Verdict, What, judge
+from fidim_lab.identification.markers.rivals import JudgedDefect, What, judge
 from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True)
-class Limits:
+class ScoreLimits:
     """The required size of a score."""
 
     single: float
     joint: float
 
     @staticmethod
-    def for_tests(samples: int) -> "Limits":
+    def for_tests(samples: int) -> "ScoreLimits":
         """For so many samples of markers in the campaign: `false_alarm` over all of them."""
         tests = 2 * max(1, samples)
-        return Limits(
+        return ScoreLimits(
             MARKERS.displaced_margin * float(-ndtri(MARKERS.false_alarm / (6 * tests))),
             MARKERS.displaced_margin * float(np.sqrt(chdtri(3, MARKERS.false_alarm / tests))),
         )
@@ -54,7 +54,7 @@ class Displacement:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class DisplacedSearch:
     """The findings in one window."""
 
     displaced: tuple[Displacement, ...]
@@ -83,7 +83,9 @@ class _Work:
     """(G,) row of the window's grid; −1 where inserted"""
 
 
-def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"], half: int, limits: Limits) -> Search:
+def search(
+    markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"], half: int, limits: ScoreLimits
+) -> DisplacedSearch:
     """Displaced samples on an even grid (NaN: missing) whose noise (m) is known for every coordinate."""
     count = markers.shape[1]
     work = _Work(markers.reshape(len(markers), -1).copy(), np.arange(len(markers)))
@@ -109,7 +111,7 @@ def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"],
             work = _inserted(work, skip)
     least = MARKERS.displaced_nothing * limits.single * sigma
     displaced = _stretches(found.spikes, found.steps, least, len(markers), count)
-    return Search(
+    return DisplacedSearch(
         tuple(sorted(displaced, key=lambda one: one.begin)),
         tuple(sorted(lost, key=lambda one: one.at)),
         tuple({row: by for (marker, row), by in found.steps.items() if marker == m} for m in range(count)),
@@ -131,14 +133,14 @@ class _Events:
         row = int(work.rows[peak.row])
         return any((peak.marker, near) in self.innocent for near in range(row - 2, row + 3))
 
-    def take(self, columns: np.ndarray, rows: np.ndarray, peak: _Peak, what: Verdict | None) -> None:
+    def take(self, columns: np.ndarray, rows: np.ndarray, peak: _Peak, what: JudgedDefect | None) -> None:
         """Take a peak out of the columns as what it is; without a verdict it is taken for a spike."""
         mine = slice(3 * peak.marker, 3 * peak.marker + 3)
         if what is None:
             if peak.is_step:
                 self.innocent.add((peak.marker, int(rows[peak.row])))
                 return
-            what = Verdict(What.BAD, (peak.row,))
+            what = JudgedDefect(What.BAD, (peak.row,))
         edge = _edge(columns, what)
         if edge and what.amplitude is not None:
             for row in edge:
@@ -156,7 +158,7 @@ class _Events:
             self.innocent.add((peak.marker, int(rows[peak.row])))
 
 
-def _edge(columns: np.ndarray, what: Verdict) -> range:
+def _edge(columns: np.ndarray, what: JudgedDefect) -> range:
     """Rows beyond a step so near to an end of the window that it is they that are off."""
     if what.what is not What.STEP:
         return range(0)
@@ -166,7 +168,7 @@ def _edge(columns: np.ndarray, what: Verdict) -> range:
     return range(first, len(columns)) if len(columns) - first < MARKERS.fewest_beside_step else range(0)
 
 
-def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) -> list[_Peak]:
+def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: ScoreLimits) -> list[_Peak]:
     """Samples that stand out most within their neighbourhood, each as a spike or a step."""
     local = look(columns, half)
     shape = (len(columns), -1, 3)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 AXES = "xyz"
 
 
-class Kind(StrEnum):
+class DefectKind(StrEnum):
     """The kind of defect of the samples."""
 
     CLOCK = "clock"
@@ -28,7 +28,7 @@ class Kind(StrEnum):
     """more or less noise than the robot file declares"""
 
 
-FAULTS = frozenset({Kind.SKIP, Kind.FROZEN, Kind.SPIKE, Kind.JUMP})
+FAULTS = frozenset({DefectKind.SKIP, DefectKind.FROZEN, DefectKind.SPIKE, DefectKind.JUMP})
 """kinds that bend a fit: their samples are taken out"""
 
 
@@ -36,7 +36,7 @@ FAULTS = frozenset({Kind.SKIP, Kind.FROZEN, Kind.SPIKE, Kind.JUMP})
 class Finding:
     """One thing that the samples themselves show, before any model."""
 
-    kind: Kind
+    kind: DefectKind
     window: str | None
     """its id; None where it holds for the whole campaign"""
     channel: str
@@ -77,4 +77,4 @@ def marker_jump(
         f"Window {window}: {marker_name(marker)} jumps by {size * 1e3:.3g} mm (mostly {AXES[axis]}) at "
         f"{t[0]:.{digits}f} s{sign}"
     )
-    return Finding(Kind.JUMP, window, marker_channel(marker, axis), t, size, "m", says)
+    return Finding(DefectKind.JUMP, window, marker_channel(marker, axis), t, size, "m", says)

@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Window
-from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel, marker_name
 from fidim_lab.identification.markers.thresholds import MARKERS
 
 
@@ -55,5 +55,5 @@ def check_frozen(window: Window, noise: float) -> tuple[tuple[Finding, ...], np.
         )
         says += ", and noise forbids that."
         channel = marker_channel(m, 0 if axis is None else axis)
-        found.append(Finding(Kind.FROZEN, window.id, channel, t, float(end - begin), "samples", says))
+        found.append(Finding(DefectKind.FROZEN, window.id, channel, t, float(end - begin), "samples", says))
     return tuple(found), bad

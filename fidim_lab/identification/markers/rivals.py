@@ -27,7 +27,7 @@ class What(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class JudgedDefect:
     """The rival that wins."""
 
     what: What
@@ -51,7 +51,7 @@ class _Rivals:
     """(C,) of the polynomial"""
 
 
-def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row: int) -> Verdict | None:
+def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row: int) -> JudgedDefect | None:
     """The deviation around `row` of one marker on an even grid (NaN: missing); None with too few samples."""
     width = 2 * MARKERS.rivals_reach + 1
     piece = np.full((width, 3), np.nan)
@@ -73,7 +73,7 @@ def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row:
         rival = min(innocent, key=lambda k: costs[k])
         best = best if costs[best] + MARKERS.rivals_clearer < costs[rival] else rival
     rows = tuple(row + place for place in rivals.places[best])
-    return Verdict(rivals.what[best], rows, sizes[best] * sigma)
+    return JudgedDefect(rivals.what[best], rows, sizes[best] * sigma)
 
 
 def _costs(piece: np.ndarray, kept: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Window
 from fidim_lab.identification.markers.clock_check import check_clock, even_grid
-from fidim_lab.identification.markers.displaced import Displacement, Limits, search
-from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.identification.markers.displaced import Displacement, ScoreLimits, search
+from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel, marker_name
 from fidim_lab.identification.markers.frozen import check_frozen
 from fidim_lab.identification.markers.levels import displaced_rows
 from fidim_lab.identification.markers.lost_frames import LostFrames
@@ -32,7 +32,9 @@ class Inspected:
     """samples that were taken out"""
 
 
-def inspect(window: Window, rate: float, noise: float, sigma: Float[np.ndarray, "M 3"], limits: Limits) -> Inspected:
+def inspect(
+    window: Window, rate: float, noise: float, sigma: Float[np.ndarray, "M 3"], limits: ScoreLimits
+) -> Inspected:
     """Look at one window; `noise` is the declared standard deviation (m), `sigma` the one seen in the campaign."""
     bad = np.zeros(window.markers.shape[:2], dtype=bool)
     if len(window.t) < MARKERS.samples_fewest:
@@ -91,7 +93,7 @@ def _gaps(window: Window) -> list[Finding]:
             f"Window {window.id}: {marker_name(m)} is missing in {total} samples, {len(blanks)} gaps; the longest is "
             f"{end - begin} samples at {t[0]:.3f} s."
         )
-        found.append(Finding(Kind.GAP, window.id, marker_channel(m, 0), t, float(total), "samples", says))
+        found.append(Finding(DefectKind.GAP, window.id, marker_channel(m, 0), t, float(total), "samples", says))
     return found
 
 
@@ -101,11 +103,11 @@ def _displaced(window: Window, one: Displacement, begin: int, end: int) -> Findi
     axis = int(np.argmax(np.abs(one.offset)))
     who, much = marker_name(one.marker), f"{size * 1e3:.3g} mm (mostly {'xyz'[axis]})"
     if end - begin <= MARKERS.displaced_short and not (one.to_the_end and end - begin > 1):
-        kind, what = Kind.SPIKE, f"{who} is {much} off its neighbours at {t[0]:.3f} s"
+        kind, what = DefectKind.SPIKE, f"{who} is {much} off its neighbours at {t[0]:.3f} s"
         what += "." if end - begin == 1 else f", {end - begin} samples."
     else:
         step = float(window.t[begin] - window.t[begin - 1]) if begin else float(window.t[1] - window.t[0])
-        kind, what = Kind.JUMP, f"{who} jumps by {much} within one sample at {t[0]:.3f} s"
+        kind, what = DefectKind.JUMP, f"{who} jumps by {much} within one sample at {t[0]:.3f} s"
         what += " and stays there" if one.to_the_end else f", and back after {t[1]:.3f} s"
         what += f"; a body would need {size / step**2:.0f} m/s² for that."
     return Finding(kind, window.id, marker_channel(one.marker, axis), t, size, "m", f"Window {window.id}: {what}")
@@ -117,4 +119,4 @@ def _lost(window: Window, skip: LostFrames, row: int, step: float) -> Finding:
         f"Window {window.id}: {skip.frames} frames ({skip.frames * step * 1e3:.0f} ms) are lost between {t[0]:.3f} and "
         f"{t[1]:.3f} s, though the time stamps go on: the motion is smooth only with them in between."
     )
-    return Finding(Kind.SKIP, window.id, "t", t, float(skip.frames), "samples", says)
+    return Finding(DefectKind.SKIP, window.id, "t", t, float(skip.frames), "samples", says)

@@ -10,7 +10,7 @@ from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.mle import findings, spread
 from fidim_lab.identification.mle.starts.possible import scales
-from fidim_lab.identification.results.result import Parameter
+from fidim_lab.identification.results.result import InertialParameter
 from fidim_lab.model.sensitivity.equations import BODY
 
 UNSEEN = 1.0
@@ -77,7 +77,7 @@ def figures_of(found: Fitted, nominal: Body) -> findings.Figures:
     held = np.concatenate([dropped, np.zeros(len(found.values) - BODY, dtype=bool)])
     refitted = found.without(held) if dropped.any() and seen.all() else None
     parameters = {
-        name: Parameter(
+        name: InertialParameter(
             value=float(body.vector[k]),
             sd=float(sd[k]),
             sd_bootstrap=None if bootstrap is None else float(bootstrap[k]),

@@ -14,7 +14,12 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.starts.possible import distance_to_boundary
 from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.stages import TRUSTED, Journey
-from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.result import (
+    IdentificationResult,
+    InertialParameter,
+    ResultOutcome,
+    WindowVerdict,
+)
 from fidim_lab.model.sensitivity.equations import EASE
 from fidim_lab.units import millimetres, percent, plain
 
@@ -41,7 +46,7 @@ CONTRADICTION_MM = 2.0
 class Figures:
     """The nine parameters with every kind of uncertainty."""
 
-    parameters: dict[str, Parameter]
+    parameters: dict[str, InertialParameter]
     non_essential: tuple[str, ...]
     covariance: Float[np.ndarray, "9 9"]
     leave_one_out: Float[np.ndarray, "W 9"] | None
@@ -90,21 +95,21 @@ def doubtful(figures: Figures) -> tuple[str, ...]:
     return tuple(name for name, mark in zip(PARAMETER_NAMES, marks, strict=True) if mark)
 
 
-def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> Outcome:
+def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> ResultOutcome:
     """How it ended; the worst of what applies. Held-out windows count as much as those of the fit."""
     if not consistency.can_exist(figures.body) or figures.moved > consistency.ALLOWED:
-        return Outcome.IMPOSSIBLE_BODY
+        return ResultOutcome.IMPOSSIBLE_BODY
     if len(_unfollowed(found.journey)) > MOST_LOST * len(found.remainders):
-        return Outcome.LOST_PHASE
+        return ResultOutcome.LOST_PHASE
     if not found.settled and not found.explained:  # the edge of what can move may keep a search from settling
-        return Outcome.NOT_CONVERGED
+        return ResultOutcome.NOT_CONVERGED
     held = _held_out(windows)
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
     if max(found.excess, held_excess) > MISFIT:
-        return Outcome.MISFIT
+        return ResultOutcome.MISFIT
     if len(figures.unseen) == len(figures.parameters):
-        return Outcome.UNSEEN
-    return Outcome.DOUBTFUL if doubtful(figures) else Outcome.CONVERGED
+        return ResultOutcome.UNSEEN
+    return ResultOutcome.DOUBTFUL if doubtful(figures) else ResultOutcome.CONVERGED
 
 
 def _unfollowed(journey: Journey) -> set[int]:
@@ -118,7 +123,7 @@ def cause(found: Fit) -> str:
     return "" if lost is None else lost.says
 
 
-def message(ended: Outcome, found: Fit, figures: Figures) -> str:
+def message(ended: ResultOutcome, found: Fit, figures: Figures) -> str:
     """A paragraph for a person."""
     eigenvalue, in_sd = distance_to_boundary(figures.body, figures.covariance)
     lacks = cause(found)
@@ -136,7 +141,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     elif eigenvalue > 0:
         far = plain(in_sd) if in_sd <= FAR else f"more than {FAR}"
         parts.append(f"The nearest body that cannot exist is {far} nominal sd away.")
-    if ended is Outcome.NOT_CONVERGED or found.ending is Ending.EDGE:
+    if ended is ResultOutcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if figures.unseen:
         parts.append(f"Not seen by these recordings: {', '.join(figures.unseen)}.")
@@ -179,7 +184,7 @@ def closing(result: IdentificationResult) -> str:
         judged = f", and held-out windows with χ²/dof of {values}"
     spread = result.leave_one_out is not None
     basis = "By the spread between windows" if spread else "By the nominal sd, with too few windows to see a spread,"
-    if result.outcome is Outcome.MISFIT:
+    if result.outcome is ResultOutcome.MISFIT:
         return (
             f"The model lacks something: it follows the recordings to {result.noise_ratio:.2g} times their noise"
             f"{judged}. {basis} {size}, but an error that all windows share does not show in it. "

@@ -24,7 +24,7 @@ from fidim_lab.identification.mle.starts.start import Guess, as_states, first_gu
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.trajectories.normal import Prior, reduced
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, ROUGH, Ending, optimise
-from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.identification.mle.trajectories.stages import EARLY, FAR_PRIOR, HORIZONS, TRUSTED, Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -259,7 +259,7 @@ def _begun(mechanism: Mechanism, body: Body, windows: Sequence[Window], plausibl
 def likelihood_of(
     mechanism: Mechanism,
     shared: Float[np.ndarray, " shared"],
-    recordings: tuple[Recording, ...],
+    recordings: tuple[FollowedSamples, ...],
     guesses: Sequence[Guess],
     sensors: Sensors,
 ) -> Likelihood:
@@ -283,9 +283,9 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 def _guessed(
     mechanism: Mechanism, body: Body, windows: Sequence[Window], theta: Float[np.ndarray, " theta"]
-) -> tuple[tuple[Recording, ...], tuple[Guess, ...], dict[str, str]]:
+) -> tuple[tuple[FollowedSamples, ...], tuple[Guess, ...], dict[str, str]]:
     """Recordings with their first guesses, and the windows that have none."""
-    recordings: list[Recording] = []
+    recordings: list[FollowedSamples] = []
     unused: dict[str, str] = {}
     for window in windows:
         try:

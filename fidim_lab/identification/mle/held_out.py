@@ -13,7 +13,7 @@ from fidim_lab.identification.mle.starts.start import Guess, first_guesses
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import ON_TRIAL, Effort
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.mle.trajectories.stages import Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -30,7 +30,7 @@ GLANCE = replace(FORETOLD, resolution=QUICK, idle=1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class HeldOutPrediction:
     """One window as the model predicts it from its own initial state."""
 
     journey: Journey
@@ -48,8 +48,8 @@ class Prediction:
 
 
 def predict(
-    mechanism: Mechanism, shared: np.ndarray, recording: Recording, sensors: Sensors, guess: Guess | None = None
-) -> Prediction:
+    mechanism: Mechanism, shared: np.ndarray, recording: FollowedSamples, sensors: Sensors, guess: Guess | None = None
+) -> HeldOutPrediction:
     """Fit the initial state of one recording with the shared parameters held.
 
     guess: where to begin, found from the first samples unless given. Raises RefusedError, naming the window, where its
@@ -65,10 +65,10 @@ def predict(
 def predict_all(
     mechanism: Mechanism,
     shared: np.ndarray,
-    recordings: Sequence[Recording],
+    recordings: Sequence[FollowedSamples],
     sensors: Sensors,
     guesses: Sequence[Guess | RefusedError] | None = None,
-) -> tuple[Prediction | RefusedError, ...]:
+) -> tuple[HeldOutPrediction | RefusedError, ...]:
     """The same for many recordings, far sooner than one by one; for each its prediction, or why there is none.
 
     What they share is held, so each is fitted as if it were alone: one that cannot be followed leaves the others be.
@@ -81,8 +81,8 @@ def predict_all(
 
 
 def _predicted(
-    mechanism: Mechanism, shared: np.ndarray, begun: Sequence[tuple[Recording, Guess]], sensors: Sensors
-) -> list[Prediction | RefusedError]:
+    mechanism: Mechanism, shared: np.ndarray, begun: Sequence[tuple[FollowedSamples, Guess]], sensors: Sensors
+) -> list[HeldOutPrediction | RefusedError]:
     if not begun:
         return []
     recordings = tuple(recording for recording, _ in begun)
@@ -128,10 +128,10 @@ def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:
     return chosen
 
 
-def _prediction(likelihood: Likelihood, journey: Journey, w: int) -> Prediction:
-    return Prediction(journey, remainder(likelihood, journey.optimum.simulation, w), likelihood, w)
+def _prediction(likelihood: Likelihood, journey: Journey, w: int) -> HeldOutPrediction:
+    return HeldOutPrediction(journey, remainder(likelihood, journey.optimum.simulation, w), likelihood, w)
 
 
-def _misfit(found: Prediction) -> tuple[float, float]:
+def _misfit(found: HeldOutPrediction) -> tuple[float, float]:
     """The one that follows longest is the best, and of those the closest."""
     return -found.remainder.dof, found.remainder.chi2

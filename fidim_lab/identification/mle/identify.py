@@ -146,9 +146,9 @@ def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[str]
 
 def _held_out(
     campaign: Campaign, found: Fit, soft: SoftFit | None, odd: Mapping[str, str]
-) -> dict[str, held_out.Prediction | str]:
+) -> dict[str, held_out.HeldOutPrediction | str]:
     """What each window that is not fitted and not odd says; a sentence where it cannot be predicted."""
-    predicted: dict[str, held_out.Prediction | str] = {}
+    predicted: dict[str, held_out.HeldOutPrediction | str] = {}
     mechanism = found.likelihood.mechanism
     for window in (*campaign.of_role(Role.VALIDATE), *campaign.of_role(Role.TEST)):
         if window.id in odd:
@@ -174,7 +174,7 @@ def _side(campaign: Campaign) -> _Side | str:
 
 
 def _verdict(
-    window: Window, found: Fit, predicted: dict[str, held_out.Prediction | str], side: _Side | str
+    window: Window, found: Fit, predicted: dict[str, held_out.HeldOutPrediction | str], side: _Side | str
 ) -> WindowVerdict:
     ids = [recording.window.id for recording in found.likelihood.recordings]
     if window.id in ids:

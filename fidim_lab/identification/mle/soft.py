@@ -28,7 +28,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.calibration.stretch import Stretch, seen_stretch
+from fidim_lab.identification.calibration.stretch import ElasticStretch, seen_stretch
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.frames import REGISTERED, free_frames
@@ -74,14 +74,14 @@ class SoftFit:
     """with the noise that fits were made with"""
     at_once: Fit | None
     """the same with friction that slips at once, where `found` has friction that gives way"""
-    stretch: Stretch | None
+    stretch: ElasticStretch | None
     """what statics says of the cables; None where there are no load cells"""
     costs: tuple[float, ...]
     """sums of squares reached from `BEGINNINGS`, in their order; infinite where a beginning led nowhere"""
     cut: tuple[str, ...]
     """a sentence for each end of a window that was left out"""
 
-    def predict(self, window: Window) -> held_out.Prediction:
+    def predict(self, window: Window) -> held_out.HeldOutPrediction:
         """A window that was not fitted. Raises RefusedError as `held_out.predict`."""
         likelihood = self.found.likelihood
         recording = prepare(window, likelihood.mechanism.robot)
@@ -153,7 +153,7 @@ class _Task:
     native: bool
 
     @staticmethod
-    def of(robot: Robot, windows: Sequence[Window], stretch: Stretch | None, native: bool) -> "_Task":
+    def of(robot: Robot, windows: Sequence[Window], stretch: ElasticStretch | None, native: bool) -> "_Task":
         zeros = tuple(CableLengthBias(cable=number) for number in range(1, robot.n + 1))
         frames = free_frames(robot, windows)
         effects = (CableStiffness(), AttachmentFriction(), RotationalDragPerAxis(), *zeros, *frames)

@@ -42,7 +42,7 @@ class StretchRule:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class FreeStretch:
     """One free stretch."""
 
     begin: float
@@ -57,10 +57,10 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class FreeMotion:
+class FreeStretches:
     """What the rule found."""
 
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[FreeStretch, ...]
     """in the order of time"""
     residual: Series
     """m/s², averaged; of every sample"""
@@ -70,7 +70,7 @@ class FreeMotion:
 
 def find_free_motion(
     mechanism: Mechanism, t: Series, positions: Positions, rotations: Rotations, rule: StretchRule | None = None
-) -> FreeMotion:
+) -> FreeStretches:
     """Find the free stretches of one recording.
 
     Args:
@@ -102,8 +102,8 @@ def find_free_motion(
     residual = np.sqrt(np.maximum(moving_mean((left_over**2).sum(axis=1), round(rule.over / step)), 0.0))
     level = float(np.median(residual[moves]))
     calm = moves & (residual < rule.factor * level + rule.least)
-    found = (Stretch(float(t[a]), float(t[b - 1])) for a, b in runs(calm))
-    return FreeMotion(tuple(s for s in found if s.duration >= rule.shortest), residual, level)
+    found = (FreeStretch(float(t[a]), float(t[b - 1])) for a, b in runs(calm))
+    return FreeStretches(tuple(s for s in found if s.duration >= rule.shortest), residual, level)
 
 
 def _free_directions(structure: Float[np.ndarray, "N n 6"]) -> Float[np.ndarray, "N 6 6"]:

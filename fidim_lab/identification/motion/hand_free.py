@@ -82,7 +82,7 @@ class HandFreeWindow:
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class SampleBalance:
     """The projected Newton–Euler balance of every sample, per unit mass."""
 
     power: Series
@@ -104,7 +104,7 @@ class HandFree:
     windows: tuple[HandFreeWindow, ...]
     too_short: tuple[HandFreeWindow, ...]
     """stretches that pass but last less than `shortest` s, trimmed as well"""
-    balance: Balance
+    balance: SampleBalance
     reasons: tuple[Cut | None, ...]
     """of every sample; None where it is hand-free"""
 
@@ -164,7 +164,7 @@ def smooth_motion(t: Series, positions: Positions, rotations: Rotations, low_pas
     return Motion(t, poses[:, :3], turned, twists, np.gradient(twists, step, axis=0))
 
 
-def newton_euler_balance(mechanism: Mechanism, motion: Motion, rule: HandFreeRule) -> Balance:
+def newton_euler_balance(mechanism: Mechanism, motion: Motion, rule: HandFreeRule) -> SampleBalance:
     """Residual of the cable-free projection of Newton–Euler (Eq. 19, 21) with the nominal body."""
     body, gravity = mechanism.robot.nominal, mechanism.robot.gravity
     chi = parameter_vector(body)
@@ -184,7 +184,7 @@ def newton_euler_balance(mechanism: Mechanism, motion: Motion, rule: HandFreeRul
     over_power, over_energy = round(rule.power_time / step), round(rule.energy_time / step)
     energy = moving_mean(_kinetic_energy(motion, body.com, body.inertia_matrix), over_energy)
     tiny = np.finfo(float).tiny
-    return Balance(
+    return SampleBalance(
         power=moving_mean((projected * speeds).sum(axis=1), over_power) / np.maximum(energy, tiny),
         residual=np.sqrt(
             moving_mean((projected**2).sum(axis=1), over_power)
@@ -212,7 +212,7 @@ def _kinetic_energy(motion: Motion, com: np.ndarray, inertia: np.ndarray) -> Ser
     )
 
 
-def _reasons(balance: Balance, missing: Mask, rule: HandFreeRule) -> tuple[Cut | None, ...]:
+def _reasons(balance: SampleBalance, missing: Mask, rule: HandFreeRule) -> tuple[Cut | None, ...]:
     """The first thing that is wrong with each sample, the plainest first."""
     reasons = np.full(len(missing), None, dtype=object)
     checks = (
@@ -227,7 +227,7 @@ def _reasons(balance: Balance, missing: Mask, rule: HandFreeRule) -> tuple[Cut |
     return tuple(reasons)
 
 
-def _window(t: Series, begin: int, end: int, reasons: tuple[Cut | None, ...], balance: Balance) -> HandFreeWindow:
+def _window(t: Series, begin: int, end: int, reasons: tuple[Cut | None, ...], balance: SampleBalance) -> HandFreeWindow:
     """The stretch of samples begin … end − 1."""
     before = (reasons[begin - 1] if begin > 0 else None) or Cut.EDGE
     after = (reasons[end] if end < len(t) else None) or Cut.EDGE
@@ -235,7 +235,7 @@ def _window(t: Series, begin: int, end: int, reasons: tuple[Cut | None, ...], ba
     return HandFreeWindow(float(t[begin]), float(t[end - 1]), before, after, says)
 
 
-def _words(cut: Cut, balance: Balance, row: int) -> str:
+def _words(cut: Cut, balance: SampleBalance, row: int) -> str:
     match cut:
         case Cut.PUSHED | Cut.BRAKED:
             return f"{cut.value} ({balance.power[row]:+.2f} of the kinetic energy per second)"

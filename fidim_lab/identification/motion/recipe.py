@@ -6,7 +6,7 @@ What differs, with what it is worth on `open-nothing-left-out` (0.1 mm noise; er
   10 Hz, and cutting them biases every non-linear term. Here the signals keep 25 Hz and the *equations* W χ = 0 are
   filtered at 10 Hz: they hold at every instant, so a linear filter over time keeps them exact and removes the noise.
 - **Weights of the equations.** Ξ⊥ᵀ of the coordinates x, y magnifies equations where x and y are nearly dependent,
-  which are the worst ones. `Rows.MARKER` writes the same equations as marker accelerations, m/s², where all are
+  which are the worst ones. `BalanceRows.MARKER` writes the same equations as marker accelerations, m/s², where all are
   equally noisy (`rows.py`).
 - **What is used of the marker.** x and y alone, or all of its coordinates (`Variant.SURFACE`).
 """
@@ -29,7 +29,7 @@ class Variant(StrEnum):
     """the markers alone, as a rigid body: the paper's second; needs three that are not in line, but no lengths"""
 
 
-class Rows(StrEnum):
+class BalanceRows(StrEnum):
     """In which coordinates the internal dynamics is written, which is how its equations are weighted."""
 
     FREE_COORDINATES = "free-coordinates"
@@ -46,7 +46,7 @@ class Recipe:
     """None: full where the markers allow it, surface otherwise"""
     axes: tuple[int, ...] | None = None
     """free coordinates of `Variant.FREE` and of Ξ⊥ (0, 1, 2 = x, y, z of the marker); None: the best of each window"""
-    rows: Rows = Rows.MARKER
+    rows: BalanceRows = BalanceRows.MARKER
     signals: FilterDesign = WIDE
     equations: FilterDesign | None = LOW_PASS
     """applied to W along time; None: not at all"""
@@ -55,7 +55,7 @@ class Recipe:
     max_condition: float = 25.0
     """samples at which the free coordinates are worse conditioned are not used"""
     reweight: int = 2
-    """how often `Rows.MARKER` is weighted anew with the body just found (the first weights come from CAD)"""
+    """how often `BalanceRows.MARKER` is weighted anew with the body just found (the first weights come from CAD)"""
 
 
 BEST = Recipe()
@@ -64,7 +64,7 @@ BEST = Recipe()
 PAPER = Recipe(
     variant=Variant.FREE,
     axes=(0, 1),
-    rows=Rows.FREE_COORDINATES,
+    rows=BalanceRows.FREE_COORDINATES,
     signals=PAPER_FILTER,
     equations=None,
     samples=100,

@@ -16,7 +16,7 @@ from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.motion.trajectory import Prediction
 
 
-class Outcome(Enum):
+class ResultOutcome(Enum):
     """How it ended. `code` goes into files; the value is for people."""
 
     CONVERGED = "The inertial parameters are identified."
@@ -36,12 +36,12 @@ class Outcome(Enum):
     @property
     def good(self) -> bool:
         """Whether the parameters may be used."""
-        return self is Outcome.CONVERGED
+        return self is ResultOutcome.CONVERGED
 
     @property
     def answers(self) -> bool:
         """Whether this is an answer to what was asked, if only of a part (exit code 0); else a refusal or failure."""
-        return self in (Outcome.CONVERGED, Outcome.DOUBTFUL)
+        return self in (ResultOutcome.CONVERGED, ResultOutcome.DOUBTFUL)
 
     @property
     def code(self) -> str:
@@ -50,13 +50,13 @@ class Outcome(Enum):
 
 
 _CODES = {
-    Outcome.CONVERGED: "converged",
-    Outcome.MISFIT: "misfit",
-    Outcome.LOST_PHASE: "not-converged",
-    Outcome.NOT_CONVERGED: "not-converged",
-    Outcome.DOUBTFUL: "partial",
-    Outcome.UNSEEN: "partial",
-    Outcome.IMPOSSIBLE_BODY: "impossible",
+    ResultOutcome.CONVERGED: "converged",
+    ResultOutcome.MISFIT: "misfit",
+    ResultOutcome.LOST_PHASE: "not-converged",
+    ResultOutcome.NOT_CONVERGED: "not-converged",
+    ResultOutcome.DOUBTFUL: "partial",
+    ResultOutcome.UNSEEN: "partial",
+    ResultOutcome.IMPOSSIBLE_BODY: "impossible",
 }
 
 MOVED_BY = {
@@ -71,7 +71,7 @@ MOVED_BY = {
 
 
 @dataclass(frozen=True)
-class Parameter:
+class InertialParameter:
     """One inertial parameter (m or m², per unit mass, about P)."""
 
     value: float
@@ -173,9 +173,9 @@ class IdentificationResult:
 
     campaign: str
     method: Method
-    outcome: Outcome
+    outcome: ResultOutcome
     message: str
-    parameters: dict[str, Parameter]
+    parameters: dict[str, InertialParameter]
     """in the order of PARAMETER_NAMES, all nine estimated together"""
     non_essential: tuple[str, ...]
     sigma_W: float | None
@@ -220,7 +220,7 @@ class IdentificationResult:
         """Why windows that are used have no σ⊥, for people; empty where each has one."""
         return no_sigma({w.id: w.no_sigma for w in self.windows if w.used and w.no_sigma})
 
-    def about_com(self) -> dict[str, Parameter]:
+    def about_com(self) -> dict[str, InertialParameter]:
         """I′ about G (m²) with its errors propagated: the moments that do not depend on the choice of P."""
         value, nominal = _central(self.body.vector), _central(self.nominal.vector)
         J = np.stack([(_central(self.body.vector + h) - value) / 1e-7 for h in 1e-7 * np.eye(9)], axis=1)
@@ -230,7 +230,7 @@ class IdentificationResult:
             spread = jackknife_sd(np.array([_central(row) for row in self.leave_one_out]))
         spreads = [None] * 6 if spread is None else [float(each) for each in spread]
         return {
-            name: Parameter(
+            name: InertialParameter(
                 float(value[k]),
                 float(sd[k]),
                 None,

@@ -37,7 +37,7 @@ class ParameterTable(_Strict):
         return self.value if self.value is not None else self.nominal or 0.0
 
 
-class WindowTable(_Strict):
+class ResultWindow(_Strict):
     """One of `windows`."""
 
     id: str
@@ -155,7 +155,7 @@ class ResultTable(_Strict):
     non_essential: tuple[str, ...]
     sigma_W: float | None
     C: float | None
-    windows: tuple[WindowTable, ...]
+    windows: tuple[ResultWindow, ...]
     seconds: Annotated[float, Field(ge=0)]
     geometry: GeometryTable | None = None
     removed: tuple[RemovedTable, ...] = ()

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Window
-from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel, marker_name
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.cleaning.contacts import Contact
@@ -28,7 +28,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
     ):
         t = (contact.begin, contact.end)
         says = f"Window {window.id}: samples between {t[0]:.2f} and {t[1]:.2f} s, at its edge, are off the motion."
-        return Finding(Kind.SPIKE, window.id, marker_channel(0, 0), t, 0.0, "m", says)
+        return Finding(DefectKind.SPIKE, window.id, marker_channel(0, 0), t, 0.0, "m", says)
     step = float(np.median(np.diff(window.t)))
     near = (window.t > contact.begin - CLEANING.odd_windows_beside) & (
         window.t < contact.end + CLEANING.odd_windows_beside
@@ -58,7 +58,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
             f"Window {window.id}: {best} frames ({best * step * 1e3:.0f} ms) are lost between {t[0]:.2f} and "
             f"{t[1]:.2f} s, though the time stamps go on: with them put back the motion is free."
         )
-        return Finding(Kind.SKIP, window.id, "t", t, float(best), "samples", says)
+        return Finding(DefectKind.SKIP, window.id, "t", t, float(best), "samples", says)
     if still < CLEANING.odd_windows_carried and CLEANING.odd_windows_better * still < chi2[0]:
         by = noise * np.nanmean(off[0], axis=0)
         marker = int(np.argmax(np.linalg.norm(by, axis=1)))
@@ -67,7 +67,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
             f"Window {window.id}: between {t[0]:.2f} and {t[1]:.2f} s {marker_name(marker)} jumps by {size * 1e3:.3g} "
             f"mm (mostly {'xyz'[axis]}) and stays there; the motion goes on as if nothing had happened."
         )
-        return Finding(Kind.JUMP, window.id, marker_channel(marker, axis), t, size, "m", says)
+        return Finding(DefectKind.JUMP, window.id, marker_channel(marker, axis), t, size, "m", says)
     return None
 
 
@@ -112,4 +112,4 @@ def slipped_encoder(found: Fit, window: Window, level: float) -> Finding | None:
         f"Window {window.id}: the encoder of cable {best + 1} does not read this cable's length, as after a slip "
         f"before the window: without it χ²/dof is {chi2[best]:.2f}."
     )
-    return Finding(Kind.JUMP, window.id, f"l{best + 1}", t, float(others.min() / chi2[best]), "times", says)
+    return Finding(DefectKind.JUMP, window.id, f"l{best + 1}", t, float(others.min() / chi2[best]), "times", says)

@@ -14,8 +14,8 @@ import numpy as np
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.markers.clock_check import EvenGrid, even_grid
-from fidim_lab.identification.markers.displaced import Limits
-from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_jump, marker_name
+from fidim_lab.identification.markers.displaced import ScoreLimits
+from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel, marker_jump, marker_name
 from fidim_lab.identification.markers.levels import displaced_rows
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.cleaning.clean import Cleaned
@@ -24,7 +24,7 @@ from fidim_lab.mismatch.residuals.breaks import breaks_of
 from fidim_lab.mismatch.residuals.residual import Leftover
 
 NEVER = (np.inf, np.inf)
-CLOSER = Limits(4.2, 4.7)
+CLOSER = ScoreLimits(4.2, 4.7)
 """of its single samples: of 20 000 good ones about one and a half are lost"""
 
 
@@ -54,7 +54,7 @@ class _Off:
     def _spike(self, row: int, size: float) -> Finding:
         window, marker, time = self.window, self.marker, float(self.window.t[row])
         says = f"Window {window.id}: {marker_name(marker)} is {size * 1e3:.3g} mm off the motion at {time:.3f} s."
-        return Finding(Kind.SPIKE, window.id, marker_channel(marker, 0), (time, time), size, "m", says)
+        return Finding(DefectKind.SPIKE, window.id, marker_channel(marker, 0), (time, time), size, "m", says)
 
     def _step(self, row: int, by: np.ndarray) -> Finding:
         t = (float(self.window.t[row]), float(self.window.t[-1]))
@@ -69,7 +69,9 @@ def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool =
     them.
     """
     windows = {window.id: window for window in cleaned.campaign.windows}
-    strict = Limits.for_tests(sum(window.markers.shape[0] * window.markers.shape[1] for window in windows.values()))
+    strict = ScoreLimits.for_tests(
+        sum(window.markers.shape[0] * window.markers.shape[1] for window in windows.values())
+    )
     known = _Known.of(cleaned)
     off: dict[tuple[str, int], _Off] = {}
     for one in left:
@@ -106,9 +108,14 @@ class _Known:
         jumps: dict[int, dict[str, float]] = {}
         for fault in cleaned.faults:
             marker = channels.get(fault.channel)
-            if marker is not None and fault.kind is Kind.SPIKE:
+            if marker is not None and fault.kind is DefectKind.SPIKE:
                 spikes[marker] += 1
-            elif marker is not None and fault.kind is Kind.JUMP and fault.window is not None and fault.t is not None:
+            elif (
+                marker is not None
+                and fault.kind is DefectKind.JUMP
+                and fault.window is not None
+                and fault.t is not None
+            ):
                 first = jumps.setdefault(marker, {})
                 first[fault.window] = min(fault.t[0], first.get(fault.window, np.inf))
         return _Known(
@@ -128,7 +135,7 @@ class _Known:
         return (usual - CLEANING.off_motion_about, usual + CLEANING.off_motion_about) if often else NEVER
 
 
-def _add(off: _Off, left: Leftover, limits: Limits, known: _Known, clearer: float) -> None:
+def _add(off: _Off, left: Leftover, limits: ScoreLimits, known: _Known, clearer: float) -> None:
     """What is found in one leftover."""
     values = left.values[:, off.marker]
     if np.isfinite(values).all(axis=1).sum() < MARKERS.samples_fewest:

@@ -17,7 +17,7 @@ import numpy as np
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.free_motion import whole_id
-from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel
+from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, without
@@ -96,7 +96,7 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
     for contact in contacts:
         window = windows[contact.window].window
         fault = stumble(segments.fit, window, contact) or _gone(cleaned, windows[contact.window], contact)
-        shown = fault is not None and fault.kind is not Kind.SPIKE
+        shown = fault is not None and fault.kind is not DefectKind.SPIKE
         if not (shown or any(one.window == contact.window and one.overlaps(contact) for one in sure)):
             continue
         say(contact.says if fault is None else fault.says)
@@ -104,7 +104,7 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
             hands.append(replace(contact, window=whole_id(contact.window)))
         else:
             faults.append(fault)
-        jumped = fault is not None and fault.kind is Kind.JUMP
+        jumped = fault is not None and fault.kind is DefectKind.JUMP
         cut.append(replace(contact, end=float(window.t[-1])) if jumped else contact)
     if not cut:
         return cleaned
@@ -131,7 +131,7 @@ def _gone(cleaned: Cleaned, one: Segmented, contact: Contact) -> Finding | None:
         f"Window {window.id}: from {contact.begin:.2f} s to its end the markers are not where cables and motion put "
         f"them (χ²/dof {contact.ratio:.3g} times that before); it is left out."
     )
-    return Finding(Kind.JUMP, window.id, marker_channel(0, 0), (contact.begin, end), contact.ratio, "times", says)
+    return Finding(DefectKind.JUMP, window.id, marker_channel(0, 0), (contact.begin, end), contact.ratio, "times", says)
 
 
 def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> Cleaned:

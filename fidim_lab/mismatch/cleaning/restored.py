@@ -13,7 +13,7 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.free_motion import whole_id
-from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.finding import DefectKind, Finding
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import predict as predicted
 from fidim_lab.identification.mle.trajectories.recordings import prepare
@@ -65,7 +65,7 @@ def without_needless_faults(recorded: Campaign, cleaned: Cleaned, model: Complet
     """
     seen = {window.id: window.markers for window in recorded.windows}
     touched = {contact.window for contact in cleaned.contacts}
-    displaced = [one for one in cleaned.faults if one.kind in (Kind.SPIKE, Kind.JUMP)]
+    displaced = [one for one in cleaned.faults if one.kind in (DefectKind.SPIKE, DefectKind.JUMP)]
     doubted = {one.window for one in displaced if one.window in seen} - touched
     as_seen = [replace(one, markers=seen[one.id]) for one in cleaned.campaign.windows if one.id in doubted]
     followed = {window.id for window in as_seen if _follows(model, [window])}

@@ -9,7 +9,7 @@ from math import isfinite
 
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
-from fidim_lab.mismatch.conclusion.explanation import Answer, EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, ShortAnswer, Verdict
 from fidim_lab.units import millimetres, plain
 
 MOST_CAUSES = 3
@@ -30,7 +30,7 @@ HEADS = {
 def with_answer(told: Explanation) -> Explanation:
     """The explanation with its four parts."""
     names = ", ".join(dict.fromkeys(_class(cause) for cause in told.effects))
-    answer = Answer(
+    answer = ShortAnswer(
         verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
         certain=" ".join(dict.fromkeys(_certain(told))) or "Nothing beyond the verdict.",
         not_told_apart=" ".join(_open(told.effects)) or "Nothing: each name has odds over 20 against its rivals."

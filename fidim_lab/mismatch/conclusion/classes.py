@@ -7,7 +7,7 @@ stands alone where every rival loses odds of 20, general geometry among them.
 import numpy as np
 
 from fidim_lab.identification.mle.evidence import ODDS
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Member
+from fidim_lab.mismatch.conclusion.explanation import ClassMember, EffectParameter
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.thresholds import SCORES
@@ -16,7 +16,7 @@ from fidim_lab.mismatch.selection.general_geometry import rival
 from fidim_lab.mismatch.selection.select import Selection
 
 
-def alike(found: Selection, k: int) -> tuple[Member, ...]:
+def alike(found: Selection, k: int) -> tuple[ClassMember, ...]:
     """Other effects that may stand in the place of term k of the best model, the most alike first; one of each id."""
     named = found.best.model.tried[k].effect.id
     seen = imitators(found.last, k) if found.best.model.whole else ()
@@ -34,25 +34,25 @@ def general_geometry_may_be_it(found: Selection) -> bool:
     return general is not None and general.instead > -ODDS
 
 
-def stands_alone(members: tuple[Member, ...]) -> bool:
+def stands_alone(members: tuple[ClassMember, ...]) -> bool:
     """Whether each of these loses odds of 20."""
     return all(one.loss > ODDS for one in members)
 
 
-def _member(tried: Hypothesis, theta: np.ndarray, loss: float, sd: np.ndarray | None = None) -> Member:
+def _member(tried: Hypothesis, theta: np.ndarray, loss: float, sd: np.ndarray | None = None) -> ClassMember:
     sds = [None] * len(theta) if sd is None else [float(value) for value in sd]
     parameters = {
         parameter.name: EffectParameter(float(value), spread, parameter.unit)
         for parameter, value, spread in zip(tried.effect.parameters, theta, sds, strict=True)
     }
-    return Member(tried.effect.id, tried.effect.cable, float(loss), parameters)
+    return ClassMember(tried.effect.id, tried.effect.cable, float(loss), parameters)
 
 
-def _by_fits(found: Selection, k: int) -> dict[str, Member]:
+def _by_fits(found: Selection, k: int) -> dict[str, ClassMember]:
     """What stands in the place of term k in models of whole windows that differ from the best in it alone."""
     best = found.best.model
     kept = {h.effect for j, h in enumerate(best.tried) if j != k}
-    members: dict[str, Member] = {}
+    members: dict[str, ClassMember] = {}
     for candidate in found.tried:
         effects = {h.effect for h in candidate.model.tried}
         if candidate.model is best or len(effects) != len(best.tried) or not kept < effects:

@@ -11,7 +11,7 @@ import numpy as np
 from fidim_lab.identification.results.result import Geometry
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
 
 class Verdict(StrEnum):
@@ -35,7 +35,7 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
-class Member:
+class ClassMember:
     """Another effect that may stand in the place of a named one."""
 
     id: str
@@ -58,7 +58,7 @@ class NamedCause:
     parameters: dict[str, EffectParameter]
     says: str
     """with the formula"""
-    members: tuple[Member, ...] = ()
+    members: tuple[ClassMember, ...] = ()
     """those of `equivalent_to` whose size is known, the most alike first"""
     single: bool = False
     """odds over 20 against every rival, general geometry among them"""
@@ -70,7 +70,7 @@ class NamedCause:
         return tuple((said / said.sum()).tolist())
 
     @property
-    def likely(self) -> tuple[Member, ...]:
+    def likely(self) -> tuple[ClassMember, ...]:
         """The fewest members with which it holds 95 % of the weight."""
         held = np.cumsum(self.weights)
         return tuple(one for one, before in zip(self.members, held, strict=False) if before < CONCLUSION.weight_told)
@@ -92,7 +92,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Answer:
+class ShortAnswer:
     """The answer in four short parts, for people."""
 
     verdict: str
@@ -108,7 +108,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Place:
+class MismatchPlace:
     """The place of a mismatch."""
 
     window: str
@@ -176,7 +176,7 @@ class Explanation:
     campaign: str
     verdict: Verdict
     effects: tuple[NamedCause, ...]
-    where: tuple[Place, ...]
+    where: tuple[MismatchPlace, ...]
     chi2_per_dof: Before
     """held out"""
     rms_mm: Before
@@ -189,11 +189,11 @@ class Explanation:
     seconds: float
     untested: tuple[str, ...] = ()
     """ids of the catalogue that this version could not test"""
-    unknown: Unknown | None = None
+    unknown: UnknownForce | None = None
     """the generic model of what has no name, where one helps"""
     geometry: Geometry | None = None
     """what was left open of the robot file's, and where the recordings have it; None where it counts as exact"""
-    answer: Answer | None = None
+    answer: ShortAnswer | None = None
     """in four short parts"""
     test: OpenedOnce | None = None
     """of the windows of role `test`, opened once with the model that is told; None without any"""
@@ -256,7 +256,7 @@ def _parameters(parameters: dict[str, EffectParameter]) -> dict[str, Any]:
     return {name: vars(value) for name, value in parameters.items()}
 
 
-def _parts(answer: Answer) -> dict[str, str]:
+def _parts(answer: ShortAnswer) -> dict[str, str]:
     """As spec/formats.md has them; the verdict's own sentence beside the verdict."""
     return {
         "says": answer.verdict,
@@ -266,7 +266,7 @@ def _parts(answer: Answer) -> dict[str, str]:
     }
 
 
-def _place(place: Place) -> dict[str, Any]:
+def _place(place: MismatchPlace) -> dict[str, Any]:
     return {**vars(place), "t": list(place.t)}
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Place, Verdict
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, MismatchPlace, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 
 HAND = "hand-contact"
@@ -54,8 +54,8 @@ def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
     return NamedCause(HAND, None, (), parameters, says, single=True)
 
 
-def _places(cleaned: Cleaned) -> tuple[Place, ...]:
-    contacts = [Place(c.window, (c.begin, c.end), "all", None, 0.0, c.says) for c in cleaned.contacts]
+def _places(cleaned: Cleaned) -> tuple[MismatchPlace, ...]:
+    contacts = [MismatchPlace(c.window, (c.begin, c.end), "all", None, 0.0, c.says) for c in cleaned.contacts]
     faults = sorted(cleaned.faults, key=lambda fault: -fault.size)
     return (
         *contacts,
@@ -63,8 +63,8 @@ def _places(cleaned: Cleaned) -> tuple[Place, ...]:
     )
 
 
-def _place(fault: Finding) -> Place:
-    return Place(fault.window or "", fault.t or (0.0, 0.0), fault.channel, None, 0.0, fault.says)
+def _place(fault: Finding) -> MismatchPlace:
+    return MismatchPlace(fault.window or "", fault.t or (0.0, 0.0), fault.channel, None, 0.0, fault.says)
 
 
 def _message(explanation: Explanation, cleaned: Cleaned, verdict: Verdict) -> str:

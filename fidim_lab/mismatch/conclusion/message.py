@@ -6,7 +6,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign
 from fidim_lab.effects.equivalences import EQUIVALENCES
-from fidim_lab.effects.without_term import Unknown
+from fidim_lab.effects.without_term import UnknownEffect
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.conclusion.classes import alike, general_geometry_may_be_it, stands_alone
 from fidim_lab.mismatch.conclusion.explanation import (
@@ -14,8 +14,8 @@ from fidim_lab.mismatch.conclusion.explanation import (
     BodyParameter,
     EffectParameter,
     Explanation,
+    MismatchPlace,
     NamedCause,
-    Place,
     Verdict,
 )
 from fidim_lab.mismatch.conclusion.ranking import ranking
@@ -30,7 +30,7 @@ from fidim_lab.mismatch.scores.alarms import alarm_rate
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
-from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
 
 def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
@@ -56,10 +56,10 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
     )
 
 
-def _places(found: Fit) -> tuple[Place, ...]:
+def _places(found: Fit) -> tuple[MismatchPlace, ...]:
     """Where the model as it is leaves structure, the largest share first."""
     places = locate(of_fit(found), CONCLUSION.most_places)
-    return tuple(Place(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
+    return tuple(MismatchPlace(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
 
 
 def _cause(found: Selection, model: Completed, k: int, doubtful: bool) -> NamedCause:
@@ -150,7 +150,7 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
 
 
-def _outdone(rival: Wrench, found: Selection) -> str:
+def _outdone(rival: UnknownForce, found: Selection) -> str:
     """Why effects that were found are not named."""
     figures, end = (
         f"held-out χ²/dof {rival.after.chi2_per_dof:.3g}",
@@ -189,7 +189,7 @@ def _law_without_a_name(model: Completed) -> str:
     """What is known of a law that nothing of the catalogue has, where one was fitted."""
     said = ""
     for k, tried in enumerate(model.tried):
-        if tried.effect.id == Unknown.id:
+        if tried.effect.id == UnknownEffect.id:
             values = zip(tried.effect.parameters, *model.theta_of(k), strict=True)
             sizes = ", ".join(f"{p.name} = {value:.3g} ± {sd:.2g} {p.unit}" for p, value, sd in values)
             said += f" It is like {tried.effect.variant}: {tried.effect.says}, {sizes}."

@@ -18,7 +18,7 @@ from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.single_force import wrench_beside
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.say import Say
 
 
@@ -43,7 +43,7 @@ def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Sa
     return replace(judged, verdict=Verdict.UNKNOWN_PHYSICS, named=baseline, outdone_by=rival)
 
 
-def _says_more(rival: Unknown, named: Candidate) -> bool:
+def _says_more(rival: UnknownForce, named: Candidate) -> bool:
     """Of fitted windows by the Bayesian information criterion, and of held-out ones by what is left.
 
     The criterion charges each parameter with more than it can gain where the named effects are the truth. Where these

@@ -6,7 +6,7 @@ cameras are the sensors' own. Each is told with its size and what it is not told
 
 from dataclasses import replace
 
-from fidim_lab.identification.markers.finding import Kind
+from fidim_lab.identification.markers.finding import DefectKind
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Reading, Verdict
 from fidim_lab.mismatch.readings.errors import ReadingError, ReadingErrors
@@ -52,7 +52,7 @@ def _with_noise(told: Explanation, cleaned: Cleaned) -> Explanation:
     """With marker noise that is not as the robot file states, where no more than noise is left."""
     if told.verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return told
-    found = [one for one in cleaned.screening.findings if one.kind is Kind.NOISE and one.window is None]
+    found = [one for one in cleaned.screening.findings if one.kind is DefectKind.NOISE and one.window is None]
     noise = tuple(
         Reading(NOISE, None, (), {one.channel: EffectParameter(one.size, None, one.unit)}, one.says, NEXT[NOISE])
         for one in found[:MOST_CHANNELS]

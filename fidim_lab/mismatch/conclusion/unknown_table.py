@@ -9,10 +9,10 @@ import numpy as np
 
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.unknown_force.field import Field
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
 
-def unknown_table(found: Unknown) -> dict[str, Any]:
+def unknown_table(found: UnknownForce) -> dict[str, Any]:
     """Values that can be read without the program: numbers, strings, lists."""
     return {
         "words": list(found.words),

@@ -7,12 +7,12 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.mismatch.conclusion.explanation import Before, BodyParameter, Explanation, Verdict
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.single_force import modelled
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.say import Say
 
 
 def with_unknown(
-    explanation: Explanation, named: Candidate, campaign: Campaign, say: Say, known: Unknown | None = None
+    explanation: Explanation, named: Candidate, campaign: Campaign, say: Say, known: UnknownForce | None = None
 ) -> Explanation:
     """The explanation with what is left modelled generically, where its verdict says that something is left.
 
@@ -49,20 +49,20 @@ def with_unknown(
     )
 
 
-def _helps(found: Unknown) -> bool:
+def _helps(found: UnknownForce) -> bool:
     """Whether held-out windows are predicted better, and none less that was predicted before."""
     lost = found.after.refused.keys() - found.before.refused.keys()
     return found.after.chi2_per_dof < found.before.chi2_per_dof and not lost
 
 
-def _parameters(found: Unknown, explanation: Explanation) -> dict[str, BodyParameter]:
+def _parameters(found: UnknownForce, explanation: Explanation) -> dict[str, BodyParameter]:
     return {
         shift.name: BodyParameter(shift.with_it, shift.with_sd, explanation.parameters[shift.name].nominal)
         for shift in found.parameters
     }
 
 
-def _says(found: Unknown) -> str:
+def _says(found: UnknownForce) -> str:
     figures = f"held-out χ²/dof {found.before.chi2_per_dof:.3g} → {found.after.chi2_per_dof:.3g}, rms "
     figures += f"{1e3 * found.before.rms:.3g} → {1e3 * found.after.rms:.3g} mm"
     if not found.words:

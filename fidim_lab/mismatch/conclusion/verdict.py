@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from fidim_lab.effects.without_term import Unknown
+from fidim_lab.effects.without_term import UnknownEffect
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
-from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +17,7 @@ class Judged:
     verdict: Verdict
     named: Candidate
     """the model whose effects are named: the baseline where none are"""
-    outdone_by: Wrench | None = None
+    outdone_by: UnknownForce | None = None
     """the unknown wrench that explains more than the effects found"""
 
     @property
@@ -37,7 +37,7 @@ def judge(found: Selection) -> Judged:
 
 def _verdict(found: Selection) -> Verdict:
     best = found.best
-    if any(h.effect.id == Unknown.id for h in best.model.tried):
+    if any(h.effect.id == UnknownEffect.id for h in best.model.tried):
         return Verdict.UNKNOWN_PHYSICS  # a law that nothing of the catalogue has
     if not best.model.tried:
         return Verdict.NOTHING_MISSING if best.is_white else Verdict.UNKNOWN_PHYSICS

@@ -15,9 +15,9 @@ from fidim_lab.identification.results.result import Geometry
 from fidim_lab.mismatch.conclusion.explanation import (
     Before,
     BodyParameter,
+    ClassMember,
     EffectParameter,
     Explanation,
-    Member,
     NamedCause,
     OpenedOnce,
     Ranked,
@@ -26,8 +26,8 @@ from fidim_lab.mismatch.conclusion.explanation import (
 from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
-from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
-from fidim_lab.mismatch.whole_motion.search import Outcome, search
+from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
+from fidim_lab.mismatch.whole_motion.search import SearchOutcome, search
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import log_odds, taken
 from fidim_lab.model.sensitivity.equations import BODY
@@ -70,7 +70,7 @@ def _leaves_less(best: WholeModel, told: Explanation) -> bool:
     return millimetres(best.held_out) ** 2 <= WHOLE_MOTION.half * rms**2
 
 
-def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanation:
+def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Explanation:
     base, best, robot = outcome.base, outcome.best, campaign.robot
     sd = best.sd(outcome.temper)
     effects = tuple(_cause(outcome, k, sd) for k in range(len(best.terms)))
@@ -101,7 +101,7 @@ def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanatio
     )
 
 
-def _cause(outcome: Outcome, k: int, sd: np.ndarray) -> NamedCause:
+def _cause(outcome: SearchOutcome, k: int, sd: np.ndarray) -> NamedCause:
     """Term k with what stands for it; alone where every rival is excluded."""
     best, tried = outcome.best, outcome.best.terms[k]
     members = tuple(_member(one, k, outcome) for one in outcome.rivals[k])
@@ -111,10 +111,10 @@ def _cause(outcome: Outcome, k: int, sd: np.ndarray) -> NamedCause:
     return NamedCause(tried.effect.id, tried.effect.cable, ids, parameters, tried.effect.says, others, not members)
 
 
-def _member(rival: WholeModel, k: int, outcome: Outcome) -> Member:
+def _member(rival: WholeModel, k: int, outcome: SearchOutcome) -> ClassMember:
     effect = rival.terms[k].effect
     loss = log_odds(outcome.best, rival)
-    return Member(effect.id, effect.cable, float(loss), _parameters(rival, k, rival.sd(outcome.temper)))
+    return ClassMember(effect.id, effect.cable, float(loss), _parameters(rival, k, rival.sd(outcome.temper)))
 
 
 def _parameters(model: WholeModel, k: int, sd: np.ndarray) -> dict[str, EffectParameter]:
@@ -130,13 +130,13 @@ def _parameters(model: WholeModel, k: int, sd: np.ndarray) -> dict[str, EffectPa
     }
 
 
-def _exact(outcome: Outcome) -> WholeModel:
+def _exact(outcome: SearchOutcome) -> WholeModel:
     """The best model's terms with the robot file's geometry; the model as it is where these were not fitted."""
     best = outcome.best
     return next((one for one in outcome.tried if one.terms == best.terms and not one.geometry), outcome.base)
 
 
-def _geometry(outcome: Outcome, exact: WholeModel, sd: np.ndarray) -> Geometry | None:
+def _geometry(outcome: SearchOutcome, exact: WholeModel, sd: np.ndarray) -> Geometry | None:
     best = outcome.best
     if not best.geometry:
         return None
@@ -149,7 +149,7 @@ def _body(model: WholeModel, sd: np.ndarray, robot: Robot) -> dict[str, BodyPara
     return {name: BodyParameter(float(value), float(spread), float(nominal)) for name, value, spread, nominal in rows}
 
 
-def _ranked(one: WholeModel, outcome: Outcome) -> Ranked:
+def _ranked(one: WholeModel, outcome: SearchOutcome) -> Ranked:
     names = [h.label for h in one.terms] + (["open geometry"] if one.geometry else [])
     behind = log_odds(outcome.best, one)
     why = f"whole windows: fitted {millimetres(one.fitted):.2g} mm"
@@ -159,19 +159,19 @@ def _ranked(one: WholeModel, outcome: Outcome) -> Ranked:
     return Ranked(tuple(names), chi2 if np.isfinite(chi2) else None, True, why)
 
 
-def _opened_once(outcome: Outcome, campaign: Campaign) -> OpenedOnce | None:
+def _opened_once(outcome: SearchOutcome, campaign: Campaign) -> OpenedOnce | None:
     """Figures of the windows of role `test`, without and with the terms; None without any."""
     common = outcome.base.common
     windows = common.prepared(campaign, Role.TEST, lambda _: None)
     if not windows:
         return None
-    trial = Trial(common, windows)
+    trial = ModelFits(common, windows)
     before, after = (replace(one, predict=trial.predicted) for one in (outcome.base, outcome.best))
     chi2 = Before(before.chi2_per_dof, after.chi2_per_dof)
     return OpenedOnce(chi2, Before(millimetres(before.held_out), millimetres(after.held_out)))
 
 
-def _message(outcome: Outcome, effects: Sequence[NamedCause], geometry: Geometry | None, robot: Robot) -> str:
+def _message(outcome: SearchOutcome, effects: Sequence[NamedCause], geometry: Geometry | None, robot: Robot) -> str:
     base, best, floor = outcome.base, outcome.best, robot.sensors.marker_noise
     names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
     named = f"Left out: {names}." if names else "No effect is named; the robot file's geometry was left open."

@@ -12,14 +12,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.held_out import Prediction
+from fidim_lab.identification.mle.held_out import HeldOutPrediction
 from fidim_lab.identification.mle.spread import Quadratic
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, WindowLinear, linearised
 from fidim_lab.identification.mle.trajectories.normal import reduced
 
 
 def beyond_errors(
-    found: Fit, free: Bool[np.ndarray, " shared"], predicted: Sequence[Prediction]
+    found: Fit, free: Bool[np.ndarray, " shared"], predicted: Sequence[HeldOutPrediction]
 ) -> list[Float[np.ndarray, "T M 3"]]:
     """Residuals (m; recorded − predicted; NaN where nothing was recorded) of each prediction after that step.
 
@@ -39,7 +39,7 @@ def _linear(likelihood: Likelihood, simulation: Simulation) -> dict[int, WindowL
     return {one.window: one for one in linearised(likelihood, simulation)}
 
 
-def _residuals(prediction: Prediction, one: WindowLinear, step: np.ndarray) -> np.ndarray:
+def _residuals(prediction: HeldOutPrediction, one: WindowLinear, step: np.ndarray) -> np.ndarray:
     moved = one.residual + one.by_shared @ step
     moved = moved - one.by_own @ np.linalg.lstsq(one.by_own, moved, rcond=None)[0]
     residuals = prediction.remainder.residuals.copy()

@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.judge import remainder
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_TRIAL, Effort, optimise
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.mismatch.fitting.sprung import AT_LAST, begins_anew, bounded, carried_on, grown, likelihood_with
 from fidim_lab.mismatch.fitting.thresholds import FITTING
@@ -169,7 +169,7 @@ def shortened(window: Window, seconds: float) -> Window:
     )
 
 
-def _recorded(short: Recording, window: Window) -> Recording:
+def _recorded(short: FollowedSamples, window: Window) -> FollowedSamples:
     """The whole recording of which `short` is the first part."""
     rows = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
     t = window.t[rows] - window.t[rows[0]]

@@ -8,8 +8,8 @@ import numpy as np
 from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.held_out import Prediction, predict_all
-from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.held_out import HeldOutPrediction, predict_all
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.mismatch.fitting.beyond_errors import beyond_errors
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.fitting.sprung import guesses_of
@@ -49,7 +49,7 @@ class HeldOut:
 class Predicted:
     """Windows with their predictions, and why others have none."""
 
-    found: tuple[tuple[Window, Prediction], ...]
+    found: tuple[tuple[Window, HeldOutPrediction], ...]
     refused: dict[str, str]
     """window → why"""
 
@@ -72,7 +72,7 @@ def predictions(fit: Fit, windows: Sequence[Window]) -> Predicted:
     """Each window that can be predicted with a fit's shared parameters; the others are named."""
     refused: dict[str, str] = {}
     mechanism = fit.likelihood.mechanism
-    recordings: list[Recording] = []
+    recordings: list[FollowedSamples] = []
     for window in windows:
         try:
             recordings.append(prepare(window, mechanism.robot))
@@ -80,7 +80,7 @@ def predictions(fit: Fit, windows: Sequence[Window]) -> Predicted:
             refused[window.id] = str(refusal)
     guesses = guesses_of(mechanism, fit.values, recordings)
     predicted = predict_all(mechanism, fit.values, recordings, mechanism.robot.sensors, guesses)
-    found: list[tuple[Window, Prediction]] = []
+    found: list[tuple[Window, HeldOutPrediction]] = []
     for recording, prediction in zip(recordings, predicted, strict=True):
         window = recording.window
         if isinstance(prediction, RefusedError):

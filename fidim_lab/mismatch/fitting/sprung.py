@@ -26,7 +26,7 @@ from fidim_lab.identification.mle.starts.start import Guess, first_guesses
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY, ROUGH, Effort, optimise
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, HORIZONS, Journey, grow
 from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.residual import Leftover
@@ -48,7 +48,7 @@ def likelihood_with(likelihood: Likelihood, mechanism: Mechanism, shared: np.nda
 
 
 def guesses_of(
-    mechanism: Mechanism, shared: np.ndarray, recordings: Sequence[Recording]
+    mechanism: Mechanism, shared: np.ndarray, recordings: Sequence[FollowedSamples]
 ) -> tuple[Guess | RefusedError, ...]:
     """Where each recording begins; of cables that are springs to first order, which is as good and far sooner found."""
     made = Mechanism(mechanism.robot, mechanism.effects, mechanism.theta.tolist()) if mechanism.springs else mechanism

@@ -20,7 +20,7 @@ from fidim_lab.data.records import Motion
 from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.mismatch.linearised.giving_way import gives_way, holds_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
 from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of
@@ -57,7 +57,7 @@ class _UnitPull(Effect):
 
 
 @dataclass(frozen=True, eq=False)
-class WindowColumns:
+class ResidualColumns:
     """One window's whitened residual with its derivatives, its own unknowns still in."""
 
     window: int
@@ -84,13 +84,13 @@ class Scorer:
         composing = range(count - 6 - mechanism.n, count)
         self._absent = (*(int(k) for place in self._places for k in place), *composing)
 
-    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
+    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[ResidualColumns]:
         """Every window's residual and derivatives at a simulated point, batch by batch."""
         yield from (task() for task in self.tasks(likelihood, simulation))
 
     def tasks(
         self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
-    ) -> Sequence[Callable[[], WindowColumns]]:
+    ) -> Sequence[Callable[[], ResidualColumns]]:
         """The work of `columns` for each window (or only these), to be done in parallel."""
         return [
             partial(self._window, likelihood, simulation, int(w), batch.trajectories.only(place))
@@ -99,7 +99,7 @@ class Scorer:
             if windows is None or int(w) in windows
         ]
 
-    def _window(self, likelihood: Likelihood, simulation: Simulation, w: int, one: Trajectories) -> WindowColumns:
+    def _window(self, likelihood: Likelihood, simulation: Simulation, w: int, one: Trajectories) -> ResidualColumns:
         recording, own = likelihood.recordings[w], likelihood.own
         shared = simulation.point.shared
         moving = self._moving(simulation, w, one)
@@ -127,7 +127,7 @@ class Scorer:
         jacobian[len(residual.markers) : -own] = lengths_by / likelihood.resolution
         jacobian[-own:, :own] = np.diag(loose_rows(likelihood))
         first, last = own, own + len(shared)
-        return WindowColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
+        return ResidualColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
 
     def prepare(self) -> None:
         """Have the machine code for the largest part built, while something else is done."""
@@ -207,7 +207,7 @@ class Scorer:
         return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
 
     def _seen(
-        self, recording: Recording, t: np.ndarray, shared: np.ndarray, one: Trajectories
+        self, recording: FollowedSamples, t: np.ndarray, shared: np.ndarray, one: Trajectories
     ) -> tuple[np.ndarray, np.ndarray]:
         """What the model's own θ (T M 3 θ), and direct hypotheses, change of the cameras' report at the same motion."""
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])

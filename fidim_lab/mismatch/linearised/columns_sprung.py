@@ -18,8 +18,8 @@ from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, priors_by
 from fidim_lab.mismatch.linearised.columns import (
     FRAME_SWAY,
+    ResidualColumns,
     Scorer,
-    WindowColumns,
     frequency_of,
     scored_places,
     seen_by,
@@ -52,13 +52,13 @@ class SprungScorer:
         places = scored_places(list(self.tried.direct), mechanism.theta.size)
         self._places = np.concatenate([*places, np.zeros(0)]).astype(int)
 
-    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
+    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[ResidualColumns]:
         """Every window's residual and derivatives at a simulated point, batch by batch."""
         yield from (task() for task in self.tasks(likelihood, simulation))
 
     def tasks(
         self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
-    ) -> Sequence[Callable[[], WindowColumns]]:
+    ) -> Sequence[Callable[[], ResidualColumns]]:
         """The work of `columns` for each window (or only these), to be done in parallel."""
         point = simulation.point
         shared = np.concatenate([point.shared, self._all.theta[len(point.shared) - BODY :]])
@@ -78,7 +78,7 @@ class SprungScorer:
         shared: np.ndarray,
         w: int,
         one: Trajectories,
-    ) -> WindowColumns:
+    ) -> ResidualColumns:
         recording, own = likelihood.recordings[w], likelihood.own
         base = own + len(simulation.point.shared)
         unstretched = None if starts.unstretched_by is None else starts.unstretched_by[w][np.newaxis]
@@ -100,7 +100,7 @@ class SprungScorer:
         jacobian[:count] = by_markers[seen] / likelihood.noise
         jacobian[count:last, : len(chosen)] = starts.lengths_by[w][known][:, chosen] / likelihood.resolution
         jacobian[last:, : len(chosen)] = priors_by(likelihood, starts, w)[:, chosen]
-        return WindowColumns(w, residual.rows, jacobian[:, :own], jacobian[:, own:base], jacobian[:, base:])
+        return ResidualColumns(w, residual.rows, jacobian[:, :own], jacobian[:, own:base], jacobian[:, base:])
 
     def _waving(
         self,

@@ -18,8 +18,8 @@ from fidim_lab.identification.design.next_window import NextWindow, next_window
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.mle.starts.possible import scales
-from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, Trial
-from fidim_lab.mismatch.next_experiment.separate import Known, completed, separating, with_markers
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, ProposedTrial
+from fidim_lab.mismatch.next_experiment.separate import KnownRobot, completed, separating, with_markers
 from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 from fidim_lab.model.mechanism import Mechanism
 
@@ -53,7 +53,7 @@ def to_separate(
     mechanism = task.mechanism()
     recorded = _recorded(mechanism, task, campaign)
     trials = [_trial(mechanism, task, z) for z in _pool(mechanism, task, seed, reach).z]
-    known = Known(robot, recorded, body, noise, native)
+    known = KnownRobot(robot, recorded, body, noise, native)
     return tuple(_proposed(known, claim, trials, more, more_markers=more_markers) for claim in claims)
 
 
@@ -82,7 +82,9 @@ def to_know(
     return next_window(mechanism, task, np.linalg.inv(known), _pool(mechanism, task, seed, reach), body)
 
 
-def _proposed(known: Known, claim: Claim, trials: Sequence[Trial], more: int, *, more_markers: bool) -> Proposal:
+def _proposed(
+    known: KnownRobot, claim: Claim, trials: Sequence[ProposedTrial], more: int, *, more_markers: bool
+) -> Proposal:
     """For one claim; with more windows and three markers where that is much better than what it has."""
     try:
         if known.recorded:
@@ -114,11 +116,11 @@ def _pool(mechanism: Mechanism, task: DesignTask, seed: int, reach: Reach | None
     return pool.Pool(drawn.z[there], drawn.tables[there])
 
 
-def _trial(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> Trial:
-    return Trial(z[: task.robot.n], z[task.robot.n :], place(mechanism, task, z).start)
+def _trial(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> ProposedTrial:
+    return ProposedTrial(z[: task.robot.n], z[task.robot.n :], place(mechanism, task, z).start)
 
 
-def _recorded(mechanism: Mechanism, task: DesignTask, campaign: Campaign) -> list[Trial]:
+def _recorded(mechanism: Mechanism, task: DesignTask, campaign: Campaign) -> list[ProposedTrial]:
     return [_trial(mechanism, task, z) for z in _seen(task, campaign)]
 
 

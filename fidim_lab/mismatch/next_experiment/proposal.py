@@ -24,7 +24,7 @@ class Claim:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class ProposedTrial:
     """One window that could be recorded: let go at `start` with the motors locked at `lengths`."""
 
     lengths: Float[np.ndarray, " n"]
@@ -53,7 +53,7 @@ class Proposal:
     """What to record next for one claim."""
 
     claim: Claim
-    windows: tuple[Trial, ...]
+    windows: tuple[ProposedTrial, ...]
     """in order; the first tells most"""
     before: Odds
     """with what has been recorded"""

@@ -19,10 +19,10 @@ from fidim_lab.data.records import Robot, Role, Window
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, simulate
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
-from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, Trial
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, ProposedTrial
 from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 from fidim_lab.mismatch.scores.score import eliminated, imitated, window_grams
 from fidim_lab.mismatch.scores.thresholds import SCORES
@@ -36,11 +36,11 @@ EXACT = Resolution(intervals=16)
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownRobot:
     """A robot, and what is known of it before any further window."""
 
     robot: Robot
-    recorded: Sequence[Trial]
+    recorded: Sequence[ProposedTrial]
     """the windows there are"""
     body: Float[np.ndarray, "9"] | None = None
     """base parameters as identified; None: as the robot file has them"""
@@ -55,7 +55,7 @@ class Known:
         """The model for further windows."""
         return self.marked or self.robot
 
-    def grams(self, tried: Hypotheses, pool: Sequence[Trial] = ()) -> Float[np.ndarray, "W G G"]:
+    def grams(self, tried: Hypotheses, pool: Sequence[ProposedTrial] = ()) -> Float[np.ndarray, "W G G"]:
         """What each window would say of body and effects, its own unknowns eliminated: those there are, then the pool.
 
         Raises InfeasibleError where one cannot be simulated.
@@ -70,7 +70,7 @@ class Known:
         return np.concatenate([np.zeros((0, size, size)), *found])
 
 
-def separating(known: Known, claim: Claim, pool: Sequence[Trial], *, more: int = 3) -> Proposal:
+def separating(known: KnownRobot, claim: Claim, pool: Sequence[ProposedTrial], *, more: int = 3) -> Proposal:
     """The windows of the pool, at most `more`, that separate a claim from its rivals best, and the odds.
 
     Raises InfeasibleError for a claim that no score knows.
@@ -92,7 +92,7 @@ def separating(known: Known, claim: Claim, pool: Sequence[Trial], *, more: int =
     return Proposal(claim, windows, judge.odds(told, rivals), tuple(after), len(known.later.markers), beyond)
 
 
-def completed(known: Known, claim: Claim) -> Claim:
+def completed(known: KnownRobot, claim: Claim) -> Claim:
     """The claim with all further rivals that the recorded windows leave in its place.
 
     An effect of another cable is no rival. Raises InfeasibleError as `separating`.
@@ -108,7 +108,7 @@ def completed(known: Known, claim: Claim) -> Claim:
     )
 
 
-def evidence(known: Known, claim: Claim) -> float:
+def evidence(known: KnownRobot, claim: Claim) -> float:
     """Non-centrality of an effect of this size against none at all: far above 10 it is seen in these windows.
 
     Raises InfeasibleError as `separating`; rivals play no part.
@@ -214,7 +214,7 @@ def _scan_distance(tried: Hypothesis, theta: Sequence[float]) -> float:
 
 
 def _grams(
-    mechanism: Mechanism, tried: Hypotheses, trials: Sequence[Trial], body: np.ndarray | None, noise: float
+    mechanism: Mechanism, tried: Hypotheses, trials: Sequence[ProposedTrial], body: np.ndarray | None, noise: float
 ) -> Float[np.ndarray, "W G G"]:
     """What each window would say of body and effects, its own unknowns eliminated."""
     robot = mechanism.robot
@@ -242,8 +242,8 @@ def _grams(
     return np.array([one.gram for one in found])
 
 
-def _recording(robot: Robot, trial: Trial, t: np.ndarray, name: str) -> Recording:
+def _recording(robot: Robot, trial: ProposedTrial, t: np.ndarray, name: str) -> FollowedSamples:
     """Stamps and lengths as they would be; what markers would show plays no part in information."""
     markers = np.zeros((len(t), len(robot.markers), 3))
     window = Window(name, Role.IDENTIFY, t, markers, np.broadcast_to(trial.lengths, (len(t), robot.n)), None)
-    return Recording(window, 0.0, t, markers, trial.lengths, trial.lengths)
+    return FollowedSamples(window, 0.0, t, markers, trial.lengths, trial.lengths)

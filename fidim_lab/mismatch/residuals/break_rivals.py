@@ -28,7 +28,7 @@ class Break(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedBreak:
     """The rival that wins."""
 
     what: Break
@@ -56,7 +56,7 @@ def judge(
     clearer: float = MARKERS.rivals_clearer,
     spiking: bool = False,
     jumps: bool = False,
-) -> Judged:
+) -> JudgedBreak:
     """What stands out at `row` of whitened residuals on an even grid of `step` seconds (NaN: missing).
 
     clearer: by how much the criterion must prefer a fault. spiking: the marker is known to have samples off; then it
@@ -65,21 +65,21 @@ def judge(
     """
     rows = _beside(values, step, row, RESIDUALS.known_reach if jumps else RESIDUALS.break_rivals_reach)
     if rows is None:
-        return Judged(Break.NONE)
+        return JudgedBreak(Break.NONE)
     time = (rows - rows[0]) / (rows[-1] - rows[0]) * 2 - 1
     piece = values[rows]
     rivals = [one for one in _rivals(rows, time, row) if not jumps or one.what not in (Break.RAMP, Break.KINK)]
     tried = [(rival, *_cost(rival, piece)) for rival in rivals]
     best, cost, left, size = min(tried, key=lambda one: one[1])
     if best.what not in (Break.SPIKES, Break.STEP):
-        return Judged(best.what)
+        return JudgedBreak(best.what)
     innocent = min(one[1] for one in tried if one[0].what in (Break.NONE, Break.KINK))
     scatter = float(np.median(np.abs(left[best.kept]))) / MARKERS.neighbours_mad
     faint = best.what is Break.STEP and not jumps and float(np.linalg.norm(size)) < RESIDUALS.break_rivals_faint
     needed = 0.0 if spiking and best.what is Break.SPIKES else clearer
     if cost + needed > innocent or scatter > RESIDUALS.break_rivals_fits or faint:
-        return Judged(Break.NONE)
-    return Judged(best.what, best.rows, size if best.what is Break.STEP else None)
+        return JudgedBreak(Break.NONE)
+    return JudgedBreak(best.what, best.rows, size if best.what is Break.STEP else None)
 
 
 def _beside(values: Float[np.ndarray, "G 3"], step: float, row: int, reach: float) -> np.ndarray | None:

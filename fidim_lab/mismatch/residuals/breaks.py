@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter1d
 
-from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.displaced import ScoreLimits
 from fidim_lab.identification.markers.neighbours import noise_of
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.break_rivals import Break, judge
@@ -36,10 +36,10 @@ class Breaks:
 def breaks_of(
     values: Float[np.ndarray, "G 3"],
     step: float,
-    limits: Limits,
+    limits: ScoreLimits,
     *,
     clearer: float = MARKERS.rivals_clearer,
-    spikes: Limits | None = None,
+    spikes: ScoreLimits | None = None,
     jumps: slice | None = None,
 ) -> Breaks:
     """Breaks in one marker's whitened residual on an even grid of `step` seconds (NaN: missing).
@@ -74,7 +74,7 @@ def breaks_of(
 
 
 def _peaks(
-    work: Float[np.ndarray, "G 3"], step: float, limits: Limits, spikes: Limits, expected: slice
+    work: Float[np.ndarray, "G 3"], step: float, limits: ScoreLimits, spikes: ScoreLimits, expected: slice
 ) -> Sequence[int]:
     """Rows that stand out most among their neighbours, and the first of those expected, the most telling first."""
     strength = np.zeros(len(work))
@@ -121,12 +121,12 @@ class _Scan:
         scatter = [np.median(size[block], axis=0).max() for block in blocks]
         return np.interp(np.arange(len(size)), [block.mean() for block in blocks], scatter) < 1
 
-    def strength(self, limits: Limits, spikes: Limits) -> Float[np.ndarray, " G"]:
+    def strength(self, limits: ScoreLimits, spikes: ScoreLimits) -> Float[np.ndarray, " G"]:
         """How far beyond chance."""
         return np.maximum(_strength(self.spike, spikes), _strength(self.step, limits))
 
 
-def _strength(scores: Float[np.ndarray, "G 3"], limits: Limits) -> Float[np.ndarray, " G"]:
+def _strength(scores: Float[np.ndarray, "G 3"], limits: ScoreLimits) -> Float[np.ndarray, " G"]:
     z = np.nan_to_num(scores)
     return np.maximum(np.abs(z).max(axis=1) / limits.single, np.linalg.norm(z, axis=1) / limits.joint)
 

@@ -18,7 +18,7 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation
-from fidim_lab.mismatch.linearised.columns import Scorer, WindowColumns
+from fidim_lab.mismatch.linearised.columns import ResidualColumns, Scorer
 from fidim_lab.mismatch.linearised.columns_sprung import SprungScorer
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.linearised.thresholds import LINEARISED
@@ -137,7 +137,7 @@ def projected(scorer: Scorer | SprungScorer, fit_: Fit, grams: Sequence[WindowGr
     )
 
 
-def _reduced_gram(compute: Callable[[], WindowColumns], steady: int) -> tuple[np.ndarray, int]:
+def _reduced_gram(compute: Callable[[], ResidualColumns], steady: int) -> tuple[np.ndarray, int]:
     """The Gram matrix of a window without its own unknowns, and the number of its rows.
 
     Of periodic hypotheses with each other it is 0, which saves most.

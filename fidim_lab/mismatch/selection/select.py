@@ -28,7 +28,7 @@ from fidim_lab.mismatch.selection.confounders import in_their_place
 from fidim_lab.mismatch.selection.search import Search
 from fidim_lab.mismatch.selection.single_force import LoneWrench
 from fidim_lab.mismatch.selection.thresholds import SELECTION
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.say import Say
 
 
@@ -51,7 +51,7 @@ class Selection:
     """for which the search was broken off: all but these windows follow the best model"""
     cut_short: str = ""
     """why it was not gone on with, where structure stays and patience has ended"""
-    alone: Unknown | None = None
+    alone: UnknownForce | None = None
     """one unknown wrench, where it was asked for: without terms where none explains nearly all"""
     outdone: Completed | None = None
     """the best model of the first seconds, where that wrench says more, so that none was fitted to whole windows"""

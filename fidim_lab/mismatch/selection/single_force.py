@@ -19,7 +19,7 @@ from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate, candidate
-from fidim_lab.mismatch.unknown_force.unknown import Unknown, model_unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce, model_unknown
 from fidim_lab.say import Say
 
 
@@ -29,7 +29,7 @@ class LoneWrench:
     def __init__(self, baseline: Candidate, campaign: Campaign, say: Say) -> None:
         """baseline: the model as it is, beside which it stands."""
         self._baseline, self._campaign, self._say = baseline, campaign, say
-        self.found: Unknown | None = None
+        self.found: UnknownForce | None = None
         """without terms where no wrench does nearly all; None before it was asked for, and where none can be sought"""
 
     def outdoes(self, short: Sequence[Completed]) -> bool:
@@ -55,7 +55,7 @@ class LoneWrench:
         return candidate(model, predict(model, self._campaign.of_role(Role.VALIDATE)))
 
 
-def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say, *, alone: bool) -> Unknown | None:
+def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say, *, alone: bool) -> UnknownForce | None:
     """A wrench beside the model as it is, without terms where there is none; None where none can be sought.
 
     names: what else may be named, for what is said. alone: only one that does nearly all by itself.
@@ -67,7 +67,7 @@ def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say,
         return None
 
 
-def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> Unknown:
+def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> UnknownForce:
     """The residual beside these effects as an unknown wrench, on whole windows.
 
     alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be

@@ -8,29 +8,29 @@ import numpy as np
 
 from fidim_lab.effects.loads.forces import at_arm
 from fidim_lab.mismatch.unknown_force.family import Dependence, Expression, Family, bells, monomials
-from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, centres_of, drag_on, force_on
 from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.slots import PlatformState
 
 
-def _to_centre(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
+def _to_centre(point: ForcePoint, state: PlatformState, shape: ca.SX) -> ca.SX:
     return at_arm(point.arm(state), shape[:3] - point.place(state))
 
 
-def centre(reach: Reach, point: Point) -> Family:
+def centre(reach: Reach, point: ForcePoint) -> Family:
     """Towards a place, or away from it; two widths together give nearly any fall-off."""
     label = f"force on {point.value} towards a place"
     return _about_a_place(reach, point, Dependence.CENTRE, label, partial(_to_centre, point))
 
 
-def brake(reach: Reach, point: Point) -> Family:
+def brake(reach: Reach, point: ForcePoint) -> Family:
     """Against the motion near a place: what eddy currents do."""
     label = f"brake on {point.value} near a place"
     return _about_a_place(reach, point, Dependence.BRAKE, label, partial(drag_on, point))
 
 
-def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: str, wrenches: Expression) -> Family:
+def _about_a_place(reach: Reach, point: ForcePoint, dependence: Dependence, label: str, wrenches: Expression) -> Family:
     def falling(state: PlatformState, shape: ca.SX) -> ca.SX:
         away = point.place(state) - shape[:3]
         near = ca.dot(away, away) / ca.exp(2 * shape[3])
@@ -54,14 +54,14 @@ def evenly(reach: Reach) -> list[Family]:
     With what is the same everywhere: such a force vanishes where its source says, not in the middle of the motion.
     """
     found: list[Family] = []
-    for point, degrees in product(Point, ((0, 1), (0, 1, 2), (0, 1, 2, 3))):
+    for point, degrees in product(ForcePoint, ((0, 1), (0, 1, 2), (0, 1, 2, 3))):
         positions = reach.places(point)
         middle, half = ca.SX(ca.DM(positions.mean(axis=0))), reach.size / 2
 
         def law(
             state: PlatformState,
             shape: ca.SX,
-            point: Point = point,
+            point: ForcePoint = point,
             degrees: tuple[int, ...] = degrees,
             middle: ca.SX = middle,
             half: float = half,
@@ -78,7 +78,7 @@ def evenly(reach: Reach) -> list[Family]:
 def in_space(reach: Reach) -> list[Family]:
     """Any smooth force of the place, and a brake that is stronger in some places: bells of several widths."""
     found: list[Family] = []
-    for share, point in product(UNKNOWN_FORCE.by_place_widths, Point):
+    for share, point in product(UNKNOWN_FORCE.by_place_widths, ForcePoint):
         width = share * reach.size
         positions = reach.places(point)
         field = partial(_field, point, ca.SX(ca.DM(centres_of(positions, width, UNKNOWN_FORCE.most_centres))), width)
@@ -90,6 +90,6 @@ def in_space(reach: Reach) -> list[Family]:
     return found
 
 
-def _field(point: Point, centres: ca.SX, width: float, state: PlatformState, shape: ca.SX) -> ca.SX:
+def _field(point: ForcePoint, centres: ca.SX, width: float, state: PlatformState, shape: ca.SX) -> ca.SX:
     del shape
     return bells(point.place(state), centres, ca.SX(width))

@@ -7,7 +7,7 @@ import numpy as np
 
 from fidim_lab.effects.loads.forces import joint_rate, joint_torque
 from fidim_lab.mismatch.unknown_force.family import Dependence, Family, monomials
-from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import (
     NO_SHAPE,
     Reach,
@@ -21,7 +21,7 @@ from fidim_lab.mismatch.unknown_force.reach import (
 from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.slots import PlatformState
 
-_drag = partial(drag_on, Point.CENTRE_OF_MASS)
+_drag = partial(drag_on, ForcePoint.CENTRE_OF_MASS)
 
 
 def _drag_by_axis(state: PlatformState, shape: ca.SX) -> ca.SX:

@@ -8,7 +8,7 @@ from fidim_lab.mismatch.unknown_force.by_place import brake, centre, evenly, in_
 from fidim_lab.mismatch.unknown_force.by_rate import of_cable, of_speed, of_spin, of_teeth
 from fidim_lab.mismatch.unknown_force.by_time import in_time, knocks, moment, periodic
 from fidim_lab.mismatch.unknown_force.family import Family
-from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import Reach
 
 
@@ -17,8 +17,8 @@ def families(reach: Reach, cables: int) -> tuple[Family, ...]:
     return (
         *of_speed(reach),
         *of_spin(reach),
-        *(centre(reach, point) for point in Point),
-        *(brake(reach, point) for point in Point),
+        *(centre(reach, point) for point in ForcePoint),
+        *(brake(reach, point) for point in ForcePoint),
         moment(reach),
         *periodic(reach),
         *evenly(reach),

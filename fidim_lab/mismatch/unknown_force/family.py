@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.model.batch import evaluate, function, rows
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.equations import Symbols
@@ -59,7 +59,7 @@ class Family:
     """which are tried; all have the same length"""
     steps: Float[np.ndarray, " shape"] | None = None
     """how far to go from the best of them at first to search on; None: they are all"""
-    point: Point = Point.CENTRE_OF_MASS
+    point: ForcePoint = ForcePoint.CENTRE_OF_MASS
     """on which a force of the place acts"""
     cable: int | None = None
     """1-based, where it concerns one"""

@@ -7,7 +7,7 @@ import casadi as ca
 from fidim_lab.model.slots import PlatformState
 
 
-class Point(Enum):
+class ForcePoint(Enum):
     """Where on the platform a force acts."""
 
     CENTRE_OF_MASS = "the centre of mass"
@@ -15,7 +15,7 @@ class Point(Enum):
 
     def arm(self, state: PlatformState) -> ca.SX:
         """From P (3), m."""
-        return state.centre if self is Point.CENTRE_OF_MASS else ca.SX.zeros(3)
+        return state.centre if self is ForcePoint.CENTRE_OF_MASS else ca.SX.zeros(3)
 
     def place(self, state: PlatformState) -> ca.SX:
         """In the room (3), m."""

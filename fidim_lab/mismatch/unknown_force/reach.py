@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.loads.forces import at_arm
-from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.responses import Responses
 from fidim_lab.model.slots import PlatformState
 
@@ -45,9 +45,9 @@ class Reach:
             seconds=max(float(a.t[-1]) for a in along),
         )
 
-    def places(self, point: Point) -> Float[np.ndarray, "S 3"]:
+    def places(self, point: ForcePoint) -> Float[np.ndarray, "S 3"]:
         """Where this point was, m."""
-        return self.positions if point is Point.CENTRE_OF_MASS else self.references
+        return self.positions if point is ForcePoint.CENTRE_OF_MASS else self.references
 
     @property
     def size(self) -> float:
@@ -92,14 +92,14 @@ def any_torque(state: PlatformState, shape: ca.SX) -> ca.SX:
     return turned(ca.SX.eye(3))
 
 
-def drag_on(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
+def drag_on(point: ForcePoint, state: PlatformState, shape: ca.SX) -> ca.SX:
     """A force on a point along its velocity (6 × 1)."""
     del shape
     arm = point.arm(state)
     return at_arm(arm, state.velocity(arm))
 
 
-def force_on(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
+def force_on(point: ForcePoint, state: PlatformState, shape: ca.SX) -> ca.SX:
     """On a point along x, y, z (6 × 3)."""
     del shape
     return ca.horzcat(*(at_arm(point.arm(state), ca.SX(ca.DM.eye(3)[:, k])) for k in range(3)))

@@ -71,7 +71,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Unknown:
+class UnknownForce:
     """The model found for unknown physics."""
 
     terms: tuple[Term, ...]
@@ -99,7 +99,7 @@ class Unknown:
 
 def model_unknown(
     base: Fit, validate: Sequence[Window], *, before: HeldOut | None = None, alone: bool = False
-) -> Unknown:
+) -> UnknownForce:
     """Find, fit and describe the wrench that a fitted model lacks.
 
     base: the best model that has names, with rigid cables, of whole recordings, however far it was fitted. validate:
@@ -131,7 +131,7 @@ def model_unknown(
             break
     after = predictions(now, validate).figures if latents else before
     terms = _terms(now, latents, chosen)
-    return Unknown(
+    return UnknownForce(
         terms=terms,
         explained=float(np.clip(1 - left / max(whole, 1e-9), 0.0, 1.0)),
         before=before,

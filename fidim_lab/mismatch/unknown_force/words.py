@@ -9,7 +9,7 @@ from fidim_lab.mismatch.unknown_force.evidence import Weighed
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.mismatch.unknown_force.latent import LatentForce
-from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 
 
@@ -111,7 +111,7 @@ def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
 
 def _on_p(latent: LatentForce) -> bool:
     """Whether it acts at P, and not at the centre of mass."""
-    return latent.family is not None and latent.family.point is Point.REFERENCE
+    return latent.family is not None and latent.family.point is ForcePoint.REFERENCE
 
 
 def _brake(latent: LatentForce, shape: np.ndarray, field: Field) -> str:

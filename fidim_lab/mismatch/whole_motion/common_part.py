@@ -14,7 +14,7 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.soft import fit_soft
-from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.mismatch.fitting.baseline import context_of
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
@@ -44,9 +44,9 @@ class CommonPart:
         plausible = self.found.plausible
         return np.concatenate([np.zeros(0), *(plausible[self.found.place_of(one)] for one in self.nuisances)])
 
-    def prepared(self, campaign: Campaign, role: Role, say: Say) -> tuple[Recording, ...]:
+    def prepared(self, campaign: Campaign, role: Role, say: Say) -> tuple[FollowedSamples, ...]:
         """Windows of a role as these models predict them; those that cannot be, are told."""
-        kept: list[Recording] = []
+        kept: list[FollowedSamples] = []
         for window in campaign.of_role(role):
             try:
                 kept.append(prepare(window, self.found.likelihood.mechanism.robot))

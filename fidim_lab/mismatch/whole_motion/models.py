@@ -18,7 +18,7 @@ from fidim_lab.identification.mle.held_out import predict_all
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.spread import Quadratic
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, Effort
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
 from fidim_lab.identification.survey import Nuisance, prior_sd
 from fidim_lab.mismatch.fitting.refit import prior_of
@@ -134,11 +134,11 @@ class WholeModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class ModelFits:
     """Fits models to the same windows, each from the optimum of another one."""
 
     common: CommonPart
-    recordings: tuple[Recording, ...]
+    recordings: tuple[FollowedSamples, ...]
     """held out"""
 
     @property

@@ -19,14 +19,14 @@ from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, gen
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.factors import likeliest_factors
-from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
+from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
 from fidim_lab.say import Say
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class SearchOutcome:
     """The result of the search."""
 
     base: WholeModel
@@ -43,9 +43,9 @@ class Outcome:
         return self.best.temper
 
 
-def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection[str] = ()) -> Outcome:
+def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection[str] = ()) -> SearchOutcome:
     """Look for what whole windows lack beside `common`. without: ids of effects that are taken as unknown."""
-    trial = Trial(common, common.prepared(campaign, Role.VALIDATE, say))
+    trial = ModelFits(common, common.prepared(campaign, Role.VALIDATE, say))
     steps = _Steps(trial, hypotheses(campaign.robot, without), say)
     base = trial.as_it_is
     say(f"whole windows without any effect: fitted {1e3 * base.fitted:.3g} mm, held out {1e3 * base.held_out:.3g} mm")
@@ -57,13 +57,13 @@ def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection
         best, rivals = steps.beside_rivals(better)
     every = {one.label: one for one in (base, *steps.tried, best)}
     tried = sorted(every.values(), key=lambda one: -log_odds(one, best))
-    return Outcome(base, best, rivals, tuple(tried))
+    return SearchOutcome(base, best, rivals, tuple(tried))
 
 
 class _Steps:
     """What one search tries."""
 
-    def __init__(self, trial: Trial, every: Hypotheses, say: Say) -> None:
+    def __init__(self, trial: ModelFits, every: Hypotheses, say: Say) -> None:
         self.trial, self.say = trial, say
         known = {one.id for one in trial.common.nuisances if isinstance(one, NamedEffect)}
         left = (h for h in every.direct if not stretches(h.effect) and h.effect.id not in known)

@@ -1,7 +1,7 @@
 """What the cameras make of moving markers, with derivatives: the slots marker, stalk, true_time and seen of effects.
 
 A marker that is elsewhere moves all its nodes; one on a stalk swings on it (`stalks`); a frame stamped t shows the
-motion at its true time; what is seen there may be turned, shifted or displaced. `Measurement.of` says what a
+motion at its true time; what is seen there may be turned, shifted or displaced. `MarkerMeasurement.of` says what a
 mechanism's effects do at one θ; without such effects it only interpolates. Times count from a recording's first sample:
 an offset common to all of them is a gauge of free motion, which the window's start takes up, so `time-offset` has no
 influence here and stays unidentified.
@@ -40,7 +40,7 @@ def measures(effect: Effect) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Measurement:
+class MarkerMeasurement:
     """The cameras at one θ."""
 
     mechanism: Mechanism

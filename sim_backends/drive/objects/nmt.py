@@ -7,7 +7,7 @@ from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.dictionary import Dictionary
 
 
-class NmtState(IntEnum):
+class NodeState(IntEnum):
     """States; the value is what a heartbeat says."""
 
     INITIALISING = 0
@@ -16,7 +16,7 @@ class NmtState(IntEnum):
     PRE_OPERATIONAL = 127
 
 
-class NmtCommand(IntEnum):
+class MasterCommand(IntEnum):
     """Commands of the NMT master."""
 
     START = 1
@@ -26,11 +26,11 @@ class NmtCommand(IntEnum):
     RESET_COMMUNICATION = 130
 
 
-def nmt_command(data: bytes, node_id: int) -> NmtCommand | None:
+def nmt_command(data: bytes, node_id: int) -> MasterCommand | None:
     """The command in an NMT frame, if it is one and for this node (or for all, node 0)."""
     if len(data) != 2 or data[1] not in (0, node_id):
         return None
-    return next((command for command in NmtCommand if command == data[0]), None)
+    return next((command for command in MasterCommand if command == data[0]), None)
 
 
 class HeartbeatProducer:
@@ -72,7 +72,7 @@ class LifeGuard:
         self._toggle = False
         self._forget()
 
-    def answer(self, state: NmtState, t: float) -> bytes | None:
+    def answer(self, state: NodeState, t: float) -> bytes | None:
         """To a remote frame at t: the state below a bit that changes each time; None where there is no such service."""
         if isinstance(self._dictionary.find(0x100C), AbortCode) or self._dictionary.number(0x1017):
             return None
@@ -127,7 +127,7 @@ class HeartbeatWatch:
     def hear(self, node: int, data: bytes, t: float) -> bool:
         """A heartbeat of a watched node; True where it is the first one."""
         period = self._periods.get(node)
-        if period is None or len(data) != 1 or data[0] & 0x7F == NmtState.INITIALISING:
+        if period is None or len(data) != 1 or data[0] & 0x7F == NodeState.INITIALISING:
             return False
         first = node not in self._deadlines
         self._deadlines[node] = t + period

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from procedures.recording.journal import Kind
+from procedures.recording.journal import LineKind
 from sim_backends.drive.axis.machine import State
 
 QUICK_STOP, HALTED = 0x02, 0x10F
@@ -33,7 +33,7 @@ class Expected:
     within: float | None = None
     held: bool = True
     """whether the host can see that the robot is held"""
-    journal: Kind = Kind.TRIPPED
+    journal: LineKind = LineKind.TRIPPED
     """which line says it"""
 
     def strikes(
@@ -122,4 +122,4 @@ async def _watch(stage: Any, stopped: list[float]) -> None:
 def fault(request) -> Expected:
     """The row of this test."""
     told = dict(request.node.get_closest_marker("fault").kwargs)
-    return Expected(**{**told, "journal": Kind[told.pop("journal", "TRIPPED")]})
+    return Expected(**{**told, "journal": LineKind[told.pop("journal", "TRIPPED")]})

@@ -14,7 +14,7 @@ from fidim_lab.data.records import Role
 from procedures.events import StepFinished, StepStarted
 from procedures.outcomes import Outcome
 from procedures.protocols import catalogue
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from procedures.recording.resumption import read_resumption
 
 ROLES = {"i01": Role.IDENTIFY, "i02": Role.IDENTIFY}
@@ -103,7 +103,7 @@ def test_a_power_cut(scene):
 
 
 def verdict(entry) -> bool:
-    return entry.kind is Kind.STEP_FINISHED and entry.step == "Accept"
+    return entry.kind is LineKind.STEP_FINISHED and entry.step == "Accept"
 
 
 def goes_on(scene, folder: Path, windows: list[str], changes) -> None:

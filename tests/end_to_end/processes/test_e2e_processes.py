@@ -19,7 +19,7 @@ from drivers.canbus.candump import read_candump
 from fidim_lab.app.formats.manifest import read_manifest
 from fidim_lab.app.records.verify import verify
 from fidim_lab.data.campaign import read_campaign
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 
 RIG = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
 ONE_WINDOW = Path(__file__).parents[2] / "one_window.toml"
@@ -233,7 +233,7 @@ def test_a_stopped_service_does_not_keep_the_drives_from_stopping(bench):
     assert "guard stopped the run" in said
     stopped_by_themselves(bench.folder / "run")
     journal = read_journal(bench.folder / "run" / "journal.jsonl")
-    assert [e.kind for e in journal][-2:] == [Kind.HELD, Kind.RUN_FINISHED]
+    assert [e.kind for e in journal][-2:] == [LineKind.HELD, LineKind.RUN_FINISHED]
     assert json.loads((bench.folder / "run" / "summary.json").read_text())["exit_code"] == 3
 
 

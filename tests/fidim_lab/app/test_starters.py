@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import cli
-from fidim_lab.app.doctor.checks import Verdict
+from fidim_lab.app.doctor.checks import CheckVerdict
 from fidim_lab.app.doctor.rig_doctor import check_reach
 from fidim_lab.app.doctor.robot_plausibility import plausibility
 from fidim_lab.app.formats.key_words import known_keys
@@ -104,7 +104,7 @@ def test_a_rig_has_room_for_a_robot_of_any_size(files: dict[str, Path], tmp_path
     anchors = tuple(replace(cable, d=size * cable.d, a=size * cable.a) for cable in robot.cables)
     write_robot(tmp_path / "other.toml", replace(robot, cables=anchors))
     assert cli.run(["init", "rig", "--robot", "other.toml", "--out", "other-rig.toml"]) == 0
-    assert {check.verdict for check in check_reach(read_rig(tmp_path / "other-rig.toml"))} == {Verdict.OK}
+    assert {check.verdict for check in check_reach(read_rig(tmp_path / "other-rig.toml"))} == {CheckVerdict.OK}
 
 
 @pytest.mark.parametrize(

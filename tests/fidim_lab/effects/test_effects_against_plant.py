@@ -23,7 +23,7 @@ from fidim_lab.model.motion.forcing import sightings, start_gaps
 from fidim_lab.model.sensitivity.grid import FINE, Grid
 from fidim_lab.model.sensitivity.integrate import States, integrate
 from fidim_lab.model.sensitivity.markers import at_nodes
-from fidim_lab.model.sensitivity.measurement import Measurement
+from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras
@@ -235,7 +235,7 @@ def test_a_marker_on_a_stalk(k, zeta, axis, leans, irma4, hide):
     states = States(found.pose.position[None], found.pose.rotation[None], found.twist[None])
     shared, grid = np.concatenate([irma4.nominal.vector, mechanism.theta]), Grid.covering(TIMES[-1], FINE)
     motion = integrate(mechanism, shared, states, grid, np.zeros(1))
-    cameras = Measurement(mechanism, mechanism.theta)
+    cameras = MarkerMeasurement(mechanism, mechanism.theta)
     seen = cameras.seen(at_nodes(motion, cameras.followed(irma4.markers))[0], 1, grid, TIMES, 0.0)[:, 0]
     influence = np.abs(_markers(Mechanism(irma4), found) - found.markers).max()
     assert influence > 1e-4

@@ -8,7 +8,7 @@ from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.identification.choice import soft_singular_values
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.identify import identify
-from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.result import IdentificationResult, ResultOutcome
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import compiler
 
@@ -33,7 +33,7 @@ def test_where_cables_meet_elastic_ones_are_chosen_and_find_the_body(recorded_on
     campaign, body = recorded_on_springs(irma4, SOFT, meeting=0.1)
     assert soft_singular_values(campaign) is not None
     result = found(campaign)
-    assert result.outcome in (Outcome.CONVERGED, Outcome.DOUBTFUL)
+    assert result.outcome in (ResultOutcome.CONVERGED, ResultOutcome.DOUBTFUL)
     assert any(SENTENCE in warning for warning in result.warnings)
     assert np.abs(off(result, body)).max() < 4.5
     assert result.parameters["s_z"].value == pytest.approx(body.com[2], abs=2e-4)
@@ -56,7 +56,7 @@ def test_where_directions_are_held_rigid_cables_stay_and_say_that_something_is_m
     campaign, _ = recorded_on_springs(irma4, [hidden])
     assert soft_singular_values(campaign) is None
     result = found(campaign)
-    assert result.outcome is Outcome.MISFIT
+    assert result.outcome is ResultOutcome.MISFIT
     assert not any(SENTENCE in warning for warning in result.warnings)
     assert any("Something is missing" in warning for warning in result.warnings)
 

@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Body, Role
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
+from fidim_lab.identification.cross_validation import CrossValidation, JudgedWindow, Rule, cross_validate
 from fidim_lab.identification.survey import as_found
 from fidim_lab.model.mechanism import Mechanism
 
@@ -100,7 +100,7 @@ def test_a_body_that_cannot_move_is_refused(campaign, true_body):
 
 def test_the_message_counts_and_names():
     def window(name, predicted, chi2):
-        return Judged(name, Role.VALIDATE, predicted, 0.1, 0.1, 2e-4, chi2, "" if predicted else "χ²/dof is 9")
+        return JudgedWindow(name, Role.VALIDATE, predicted, 0.1, 0.1, 2e-4, chi2, "" if predicted else "χ²/dof is 9")
 
     found = CrossValidation((window("v1", True, 1.0), window("v2", False, 9.0), window("v3", None, None)), Rule())
     assert found.message == ("The parameters do not predict 1 of 2 windows (v2); χ²/dof up to 9, rms up to 0.2 mm.")

@@ -10,7 +10,7 @@ import pytest
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.motion.recipe import BEST, PAPER
-from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.result import IdentificationResult, ResultOutcome
 from fidim_lab.identification.results.validation import QUICK, THOROUGH
 
 pytestmark = pytest.mark.shared
@@ -44,7 +44,7 @@ HARMLESS = {
 def test_parameters_come_back(shared, name):
     found = identify(read_campaign(shared / "campaigns" / name), checks=QUICK)
     com, inertia = errors(shared, name, found)
-    assert found.outcome is Outcome.CONVERGED
+    assert found.outcome is ResultOutcome.CONVERGED
     assert com.max() < HARMLESS[name][0]
     assert inertia.max() < HARMLESS[name][1]
     assert found.noise_ratio is not None

@@ -11,7 +11,7 @@ from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from procedures.expected import NominalRest
-from procedures.expected.limits import Workspace, check_moves, find_route
+from procedures.expected.limits import RestLimits, check_moves, find_route
 from procedures.protocols import catalogue
 from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline
@@ -41,7 +41,7 @@ LEFT, RIGHT, ABOVE = (1.2, 1.5, 1.4, 1.4), (1.8, 1.5, 1.4, 1.4), (1.5, 1.9, 1.4,
 
 @pytest.fixture
 def walled(irma4):
-    return Workspace(irma4, wall)
+    return RestLimits(irma4, wall)
 
 
 def plan_of(*sets, displacement=(0.03, 0.01)):
@@ -80,7 +80,7 @@ def test_no_way_is_refused_with_what_stands_in_it(walled):
 def test_few_windows_get_a_detour_through_the_workspace(irma4):
     """With only these two windows no planned equilibrium leads around; a place between them does."""
     two = [TABLE_2[3], TABLE_2[4]]
-    workspace = Workspace(irma4, NominalRest(irma4).tensions)
+    workspace = RestLimits(irma4, NominalRest(irma4).tensions)
     sets = [tuple(float(v) for v in row) for row in two]
     rests = [pose_from_lengths(Mechanism(irma4), irma4.nominal, row).pose.position for row in two]
     plan = Plan("two", tuple(PlannedWindow(f"i{k}", Role.IDENTIFY, two[k], np.zeros(2), rests[k]) for k in range(2)))
@@ -97,7 +97,7 @@ def test_the_shortest_of_several_ways_is_taken(walled):
 
 
 def test_lengths_beyond_a_winch_are_refused(irma4):
-    workspace = Workspace(irma4, wall, [(0.5, 2.0), (0.5, 2.0), (0.5, 1.3), (0.5, 2.0)])
+    workspace = RestLimits(irma4, wall, [(0.5, 2.0), (0.5, 2.0), (0.5, 1.3), (0.5, 2.0)])
     assert "cable 3 would be 1.400 m long, its winch allows 0.500 to 1.300 m" in workspace.at(LEFT).says
 
 
@@ -145,14 +145,14 @@ def test_no_equilibrium_is_refused_with_the_models_sentence(irma4):
         check_moves(
             [MoveTo(window="i01", lengths=LEFT, speed=0.1, acceleration=0.1, tolerance=1e-3)],
             irma4,
-            Workspace(irma4, none),
+            RestLimits(irma4, none),
         )
 
 
 def test_table_2_is_feasible_by_a_detour_that_the_nominal_model_asks_for(irma4):
     """The straight way from k = 4 to k = 5 leaves 20 N (a separate solver found 5.9 N); all others are free."""
     sets = [tuple(float(v) for v in row) for row in TABLE_2]
-    workspace = Workspace(irma4, NominalRest(irma4).tensions)
+    workspace = RestLimits(irma4, NominalRest(irma4).tensions)
     wrong = [k for k, (a, b) in enumerate(itertools.pairwise(sets), start=1) if workspace.between(a, b)]
     assert wrong == [4]
     moves = [s for s in Outline(partial(identify, plan_of(*sets), irma4)).steps if isinstance(s, MoveTo)]

@@ -6,7 +6,7 @@ from drivers.ports import DriveState, WinchSample
 from procedures.guards.drive_guards import BusGuard, FollowingErrorGuard, TemperatureGuard
 from procedures.guards.guard import Observation
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 
@@ -89,7 +89,7 @@ def test_a_guard_that_rejects_the_window_lets_the_run_go_on_and_the_window_is_re
     assert [row.attempts for row in report.windows] == [2]
     assert (tmp_path / "run" / "rejected").is_dir()
     journal = read_journal(tmp_path / "run" / "journal.jsonl")
-    assert [e.reason for e in journal if e.kind is Kind.WARNED] == ["it hums"]
-    checks = [(e.outcome, e.reason) for e in journal if e.step == "CheckWindow" and e.kind is Kind.STEP_FINISHED]
+    assert [e.reason for e in journal if e.kind is LineKind.WARNED] == ["it hums"]
+    checks = [(e.outcome, e.reason) for e in journal if e.step == "CheckWindow" and e.kind is LineKind.STEP_FINISHED]
     assert checks[0] == (Outcome.FAIL, "the hum guard: it hums")
     assert checks[1][0].usable

@@ -8,7 +8,7 @@ from procedures.events import RunFinished, StepStarted, Tripped, Warned
 from procedures.guards.guard import Observation, watch
 from procedures.guards.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 
@@ -104,7 +104,7 @@ def test_a_stepped_clock_warns_and_the_run_goes_on(world, lab, tmp_path):
     assert report.outcome is Outcome.PASS
     (warning,) = [e for e in world.events if isinstance(e, Warned)]
     assert "set by +7200.0 s" in warning.trip.says
-    assert [e.kind for e in read_journal(tmp_path / "run" / "journal.jsonl")].count(Kind.WARNED) == 1
+    assert [e.kind for e in read_journal(tmp_path / "run" / "journal.jsonl")].count(LineKind.WARNED) == 1
 
 
 @pytest.mark.parametrize("reaction", [Reaction.HOLD, Reaction.QUICK_STOP])

@@ -114,11 +114,11 @@ def test_what_cannot_be_identified_is_a_problem_and_no_error(tmp_path: Path):
 
 def test_a_model_that_does_not_explain_the_recordings_is_never_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     sure = SimpleNamespace(sd=1e-6, spread=None)
-    found = SimpleNamespace(outcome=result.Outcome.MISFIT, parameters=dict.fromkeys(PARAMETER_NAMES, sure))
+    found = SimpleNamespace(outcome=result.ResultOutcome.MISFIT, parameters=dict.fromkeys(PARAMETER_NAMES, sure))
     monkeypatch.setattr(accuracy, "read_campaign", lambda folder: SimpleNamespace(of_role=lambda role: [1, 2, 3, 4]))
     monkeypatch.setattr(accuracy, "identify", lambda *_, **__: found)
     known = accuracy_of(tmp_path)
     assert (known.windows, known.s) == (4, float("inf"))
     assert "does not explain" in known.problem
-    found.outcome = result.Outcome.CONVERGED
+    found.outcome = result.ResultOutcome.CONVERGED
     assert accuracy_of(tmp_path).s == 1e-6

@@ -150,7 +150,7 @@ def test_homing_takes_the_counts_while_the_motors_pull(world, slack, tmp_path):
 def test_what_it_lists(world):
     made = experiment("take-up", JIG, world.robot, world.settings, statics=lambda lengths: np.full(len(lengths), 60.0))
     listed = [type(step).__name__ for step in Outline(made.procedure).steps]
-    assert listed == ["Configure", "AskWithoutPower", "TakeUp", "TakePower", "Verdict"]
+    assert listed == ["Configure", "AskWithoutPower", "TakeUp", "TakePower", "GiveUpWithoutPower"]
     two = replace(JIG, windows=(JIG.windows[0], replace(JIG.windows[0], id="other")))
     with pytest.raises(SetupError, match="slack is taken up at one place"):
         experiment("take-up", two, world.robot, world.settings, statics=lambda lengths: np.full(len(lengths), 60.0))

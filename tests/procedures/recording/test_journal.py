@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Journal, Kind, read_journal
+from procedures.recording.journal import Journal, LineKind, read_journal
 
 
 class Still:
@@ -24,7 +24,7 @@ class Still:
 def write(path, reasons):
     with Journal(path, Still(), lambda: "2026-01-01T00:00:00Z") as journal:
         for reason in reasons:
-            journal.write(Kind.STEP_FINISHED, step="Hold", outcome=Outcome.PASS, reason=reason)
+            journal.write(LineKind.STEP_FINISHED, step="Hold", outcome=Outcome.PASS, reason=reason)
     return list(read_journal(path))[-len(reasons) :]
 
 

@@ -14,7 +14,7 @@ from procedures.control import Control, Verb, Word
 from procedures.events import StepStarted
 from procedures.outcomes import Outcome
 from procedures.protocols import catalogue
-from procedures.recording.journal import Kind, read_journal
+from procedures.recording.journal import LineKind, read_journal
 from procedures.recording.resumption import NEAR, LastPlace, read_resumption
 from procedures.run import run_procedure
 from sim_backends.jumping_loop import run
@@ -78,7 +78,7 @@ def test_cut_off_at_the_begin_of_any_step_it_goes_on_to_the_whole_campaign(every
                 assert (cut / "windows" / name).read_bytes() == data, "a finished window stays as it is"
         recorded = {e.step.window for e in again.events if isinstance(e, StepStarted) and e.step.window}
         assert recorded.isdisjoint(kept)
-        assert [e.kind for e in read_journal(cut / "journal.jsonl")].count(Kind.CONTINUED) == 1
+        assert [e.kind for e in read_journal(cut / "journal.jsonl")].count(LineKind.CONTINUED) == 1
         assert not list((cut / "windows").glob("*.part"))
 
 
@@ -93,7 +93,7 @@ def test_a_question_that_was_open_is_asked_again_before_the_first_move(world, la
         number = len(read_journal(cut / "journal.jsonl"))
         assert read_resumption(cut, ROLES).swings is asks
         assert resumed(lab.make_world(), lab, cut).outcome is Outcome.PASS
-        new = [entry for entry in read_journal(cut / "journal.jsonl")[number:] if entry.kind is Kind.STEP_STARTED]
+        new = [entry for entry in read_journal(cut / "journal.jsonl")[number:] if entry.kind is LineKind.STEP_STARTED]
         before = [entry.text for entry in new[: [entry.step for entry in new].index("MoveTo")]]
         assert any("still swings" in text for text in before) is asks
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from procedures.outcomes import Outcome, judge
-from procedures.recording.recorder import Recording
+from procedures.recording.recorder import WindowRecording
 from procedures.recording.window_check import moving_average, seen_samples, window_measurements
 from procedures.steps import WindowLimits
 
@@ -30,7 +30,7 @@ def recording(*, amplitude=0.03, tension=60.0):
     place = np.column_stack([1.2 + swing, -0.2 + 0.4 * swing, np.full(1001, -0.3)]) + rng.normal(0, 1e-4, (1001, 3))
     lengths = np.full((1001, 4), 1.4)
     currents = np.full((1001, 4), tension / 34.0) + rng.normal(0, 0.05, (1001, 4))
-    return Recording("i01", 1, 100.0, place[:, None, :], lengths, currents, {})
+    return WindowRecording("i01", 1, 100.0, place[:, None, :], lengths, currents, {})
 
 
 def verdict(made):

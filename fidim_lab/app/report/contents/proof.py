@@ -16,7 +16,7 @@ from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.model.mechanism import Mechanism
 
 MOST = 4
@@ -42,7 +42,7 @@ class ProofOfCause:
     """what could not be shown, and why"""
 
 
-def proof(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None = None) -> ProofOfCause:
+def proof(found: ExplanationTable, campaign: Campaign, unknown: UnknownForce | None = None) -> ProofOfCause:
     """Predict held-out windows (identified ones where none is held out) with the body before and the model after."""
     notes: list[str] = []
     before = Model(Mechanism(campaign.robot), body_vector(found.parameters_before))
@@ -60,7 +60,9 @@ def proof(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None =
     return ProofOfCause(tuple(compared), tuple(dict.fromkeys(notes)))
 
 
-def _completed(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None, notes: list[str]) -> Model | None:
+def _completed(
+    found: ExplanationTable, campaign: Campaign, unknown: UnknownForce | None, notes: list[str]
+) -> Model | None:
     if unknown is not None:
         return Model(unknown.fit.likelihood.mechanism, unknown.fit.values)
     if all(effect.id == HAND for effect in found.effects):

@@ -14,7 +14,7 @@ from fidim_lab.app.report.drawings.figures import Bout
 from fidim_lab.data.files.mistakes import first_mistake
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Entry, Kind, read_journal
+from procedures.recording.journal import Entry, LineKind, read_journal
 
 KINDS = {
     "MoveTo": "moving",
@@ -144,7 +144,7 @@ def _times(entries: Sequence[Entry]) -> list[float]:
     times: list[float] = []
     shift = -entries[0].t
     for entry in entries:
-        if times and (entry.t + shift < times[-1] or entry.kind in (Kind.RUN_STARTED, Kind.CONTINUED)):
+        if times and (entry.t + shift < times[-1] or entry.kind in (LineKind.RUN_STARTED, LineKind.CONTINUED)):
             shift = times[-1] - entry.t
         times.append(entry.t + shift)
     return times
@@ -169,29 +169,29 @@ class _Reader:
         """One line."""
         self.last = t
         match entry.kind:
-            case Kind.RUN_STARTED | Kind.CONTINUED:
+            case LineKind.RUN_STARTED | LineKind.CONTINUED:
                 planned = entry.data.get("windows", ())
                 self.windows |= {str(id_): WindowStory(str(id_)) for id_ in planned if str(id_) not in self.windows}
                 self.end, self.begun = None, None
-            case Kind.STEP_STARTED:
+            case LineKind.STEP_STARTED:
                 self.begun = (entry, t)
-            case Kind.STEP_FINISHED:
+            case LineKind.STEP_FINISHED:
                 if entry.step == "ProveStop" and self.begun is not None:
                     self.trials.append(self._tried_stop(self.begun[0], entry))
                 self._close(t)
                 self._finished(entry, t)
-            case Kind.TRIPPED | Kind.HELD:
+            case LineKind.TRIPPED | LineKind.HELD:
                 self._close(t)
-                if entry.kind is Kind.HELD:
+                if entry.kind is LineKind.HELD:
                     self.held = entry.reason
                 if not entry.outcome.usable:
-                    what = "guard" if entry.kind is Kind.TRIPPED else "held"
+                    what = "guard" if entry.kind is LineKind.TRIPPED else "held"
                     self.incidents.append(Incident(t, entry.window, what, entry.outcome, entry.reason))
-            case Kind.WARNED:
+            case LineKind.WARNED:
                 self.incidents.append(Incident(t, entry.window, "guard warned", Outcome.MARGINAL, entry.reason))
-            case Kind.PAUSED | Kind.RESUMED:
+            case LineKind.PAUSED | LineKind.RESUMED:
                 self.incidents.append(Incident(t, entry.window, entry.kind.value, Outcome.MARGINAL, entry.reason))
-            case Kind.RUN_FINISHED:
+            case LineKind.RUN_FINISHED:
                 self.end = entry
 
     def story(self, entries: Sequence[Entry]) -> Story:

@@ -13,7 +13,7 @@ from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, to_svg
 from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
 from fidim_lab.app.report.sections.numerals import decimals, fixed, short
-from fidim_lab.app.report.sections.tables import Table
+from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.units import millimetres
 
 
@@ -25,7 +25,7 @@ class ComparePage:
     badges: tuple[str, ...]
     summary: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...]
-    tables: tuple[Table, ...]
+    tables: tuple[ReportTable, ...]
     drawings: tuple[Drawing, ...]
     kind: str = "Two sessions compared"
 
@@ -44,13 +44,13 @@ def write_compare_page(found: Comparison, out: Path) -> Path:
     return write_page(render("compare.html.jinja", page), out, None)
 
 
-def _tables(found: Comparison) -> tuple[Table, ...]:
-    sessions = Table("Sessions", ("", "A", "B"), found.facts, numbers=False)
+def _tables(found: Comparison) -> tuple[ReportTable, ...]:
+    sessions = ReportTable("Sessions", ("", "A", "B"), found.facts, numbers=False)
     caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: the larger of sd and spread between windows"
     names = ("parameter", "A", "±", "B", "±", "B − A", "in sd")
-    parameters = Table(caption, names, tuple(_cells(shift) for shift in found.shifts))
+    parameters = ReportTable(caption, names, tuple(_cells(shift) for shift in found.shifts))
     columns = ("window", "χ²/dof A", "χ²/dof B", "rms A, mm", "rms B, mm", "σ⊥ A", "σ⊥ B")
-    windows = Table("Windows of the same name", columns, tuple(_window(pair) for pair in found.windows))
+    windows = ReportTable("Windows of the same name", columns, tuple(_window(pair) for pair in found.windows))
     return (sessions, *([parameters] if found.shifts else []), *([windows] if found.windows else []))
 
 

@@ -15,7 +15,7 @@ from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
 from fidim_lab.app.report.sections.explained import VERDICTS, ExplanationSection, explained
 from fidim_lab.app.report.sections.numerals import duration
-from fidim_lab.app.report.sections.tables import Table, file_table, version_table
+from fidim_lab.app.report.sections.tables import ReportTable, file_table, version_table
 from fidim_lab.app.report.sections.words import recorded_sentence
 from fidim_lab.data.records import PARAMETER_NAMES, Body
 from fidim_lab.mismatch.conclusion.explanation import Explanation
@@ -35,7 +35,7 @@ class ExplainPage:
     explanation: ExplanationSection
     solid: Solid
     origin: tuple[tuple[str, str], ...]
-    origin_tables: tuple[Table, ...]
+    origin_tables: tuple[ReportTable, ...]
     kind: str = "What the model leaves out"
 
 

@@ -12,9 +12,9 @@ from fidim_lab.app.report.pages.compare_page import ComparePage
 from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
 from fidim_lab.app.report.sections.numerals import decimals, fixed
-from fidim_lab.app.report.sections.tables import Table
+from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.identification.joint.identify import JointResult
-from fidim_lab.identification.results.result import Parameter
+from fidim_lab.identification.results.result import InertialParameter
 from fidim_lab.units import millimetres
 
 
@@ -33,19 +33,19 @@ def write_joint_page(found: JointResult, out: Path) -> Path:
     return write_page(render("compare.html.jinja", page), out, None)
 
 
-def _tables(found: JointResult) -> tuple[Table, ...]:
+def _tables(found: JointResult) -> tuple[ReportTable, ...]:
     result = found.result
     caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: with what the survey leaves open"
-    parameters = Table(
+    parameters = ReportTable(
         caption,
         ("parameter", "CAD", "identified", "±"),
         tuple(_cells(name, one) for name, one in result.parameters.items()),
     )
-    cross = Table(
+    cross = ReportTable(
         "Fitted on some campaigns, predicted on others; only starts are fitted anew", COLUMNS, cross_rows(found)
     )
     moved = () if result.geometry is None else result.geometry.moved
-    geometry = Table(
+    geometry = ReportTable(
         "Geometry against the robot files, mm or mrad",
         ("what", "cable", "off by", "±"),
         tuple(
@@ -61,7 +61,7 @@ def _tables(found: JointResult) -> tuple[Table, ...]:
     return (parameters, *([cross] if found.cross else []), *([geometry] if moved else []))
 
 
-def _cells(name: str, one: Parameter) -> tuple[str, ...]:
+def _cells(name: str, one: InertialParameter) -> tuple[str, ...]:
     sd = max(one.sd, one.spread or 0.0)
     places = decimals(millimetres(sd))
     return (name, *(fixed(millimetres(value), places) for value in (one.nominal, one.value, sd)))

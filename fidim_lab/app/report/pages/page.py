@@ -14,7 +14,7 @@ from fidim_lab.app.report.sections.copies import Copy, copies
 from fidim_lab.app.report.sections.explained import ExplanationSection
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.report.sections.paper import is_papers_robot
-from fidim_lab.app.report.sections.tables import MARKS, Table
+from fidim_lab.app.report.sections.tables import MARKS, ReportTable
 from fidim_lab.app.report.sections.windows import WindowSection, section
 from fidim_lab.data.records import Body
 from fidim_lab.identification.results.result import IdentificationResult
@@ -36,22 +36,22 @@ class Page:
     warnings: tuple[str, ...]
     parameters: Drawing | None
     correlations: Drawing | None
-    parameter_tables: tuple[Table, ...]
+    parameter_tables: tuple[ReportTable, ...]
     copies: tuple[Copy, ...]
     explanation: ExplanationSection | None
     solid: Solid
     robot: tuple[Drawing, ...]
     cross_validation: Drawing | None
-    windows_table: Table | None
+    windows_table: ReportTable | None
     windows: tuple[WindowSection, ...]
-    rejected: Table | None
+    rejected: ReportTable | None
     timeline: Drawing | None
-    incidents: Table | None
-    trials: Table | None
-    imported: Table | None
+    incidents: ReportTable | None
+    trials: ReportTable | None
+    imported: ReportTable | None
     origin: tuple[tuple[str, str], ...]
     """facts of the provenance"""
-    origin_tables: tuple[Table, ...]
+    origin_tables: tuple[ReportTable, ...]
     kind: str = "Free-motion identification"
 
 
@@ -136,7 +136,7 @@ def _parameters(contents: Contents, result: IdentificationResult) -> Drawing:
     return Drawing(figures.parameters(rows), caption, "parameters")
 
 
-def _parameter_tables(contents: Contents, result: IdentificationResult) -> tuple[Table, ...]:
+def _parameter_tables(contents: Contents, result: IdentificationResult) -> tuple[ReportTable, ...]:
     true = _true(contents)
     theirs = true is None and is_papers_robot(contents.campaign.robot)
     beside = tables.paper_columns(result) if theirs else {}

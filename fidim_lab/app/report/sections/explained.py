@@ -8,7 +8,7 @@ from fidim_lab.app.report.contents.proof import ProofOfCause
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.sections import proof_figures
 from fidim_lab.app.report.sections.numerals import decimals, fixed, short
-from fidim_lab.app.report.sections.tables import Table
+from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.app.report.sections.words import explained_sentence
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.units import millimetres, percent, signed
@@ -32,14 +32,14 @@ class ExplanationSection:
     """for the page's summary"""
     message: str
     next: str
-    effects: tuple[Table, ...]
+    effects: tuple[ReportTable, ...]
     places: tuple[str, ...]
     unknown: tuple[str, ...]
     field: tuple[Drawing, ...]
-    before_after: tuple[Table, ...]
+    before_after: tuple[ReportTable, ...]
     drawings: tuple[Drawing, ...]
     notes: tuple[str, ...]
-    tried: tuple[Table, ...]
+    tried: tuple[ReportTable, ...]
 
 
 def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> ExplanationSection:
@@ -62,22 +62,22 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
     )
 
 
-def effect_table(effect: EffectTable) -> Table:
+def effect_table(effect: EffectTable) -> ReportTable:
     """One effect with its sizes."""
     alike = f"; these data cannot tell it from {', '.join(effect.alike)}" if effect.alike else ""
     rows = [
         (name, short(p.value), "held at its bound" if p.sd is None else f"{p.sd:.2g}", p.unit)
         for name, p in effect.parameters.items()
     ]
-    return Table(f"{effect.label}: {effect.says}{alike}", ("parameter", "value", "sd", "unit"), tuple(rows))
+    return ReportTable(f"{effect.label}: {effect.says}{alike}", ("parameter", "value", "sd", "unit"), tuple(rows))
 
 
-def figures_table(found: ExplanationTable) -> Table:
+def figures_table(found: ExplanationTable) -> ReportTable:
     """Held-out figures."""
     rows = (("χ²/dof", found.held_out.chi2_per_dof), ("rms, mm", found.held_out.rms_mm))
     cells = tuple((name, short(one.before), short(one.after), _gone(name, one)) for name, one in rows)
     caption = "Held-out windows, only their starts being fitted. χ²/dof of 1: nothing but noise is left."
-    return Table(caption, ("figure", "before", "after", "of the excess gone"), cells)
+    return ReportTable(caption, ("figure", "before", "after", "of the excess gone"), cells)
 
 
 def _gone(name: str, one: BeforeTable) -> str:
@@ -87,7 +87,7 @@ def _gone(name: str, one: BeforeTable) -> str:
     return f"{percent(min(1.0, (one.before - one.after) / (one.before - 1.0))):.3g} %"
 
 
-def shift_table(found: ExplanationTable) -> Table:
+def shift_table(found: ExplanationTable) -> ReportTable:
     """The body before and after, and how far it moved in sd of the fit before."""
     rows: list[tuple[str, ...]] = []
     for name, after in found.parameters.items():
@@ -107,10 +107,10 @@ def shift_table(found: ExplanationTable) -> Table:
     caption = (
         "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; sd times √χ²/dof of their fit where that is above 1."
     )
-    return Table(caption, names, tuple(rows))
+    return ReportTable(caption, names, tuple(rows))
 
 
-def ranking_table(found: ExplanationTable) -> Table:
+def ranking_table(found: ExplanationTable) -> ReportTable:
     """Every model that was fitted, then the best that were only scored."""
     rows = [
         (
@@ -122,16 +122,18 @@ def ranking_table(found: ExplanationTable) -> Table:
         for one in found.ranking
     ]
     names = ("model", "held-out χ²/dof", "physically", "why")
-    return Table("Hypotheses, the best first", names, tuple(rows), numbers=False)
+    return ReportTable("Hypotheses, the best first", names, tuple(rows), numbers=False)
 
 
-def _families(unknown: UnknownTable | None) -> tuple[Table, ...]:
+def _families(unknown: UnknownTable | None) -> tuple[ReportTable, ...]:
     """Unknown wrenches that were compared."""
     if unknown is None or not unknown.tried:
         return ()
     rows = [(one.label, *_weighed(one)) for one in unknown.tried]
     names = ("kind of wrench", "of the excess χ², fitted", "on windows left out in turn", "log-evidence")
-    return (Table("Unknown wrenches that were compared; a negative share makes the fit worse", names, tuple(rows)),)
+    return (
+        ReportTable("Unknown wrenches that were compared; a negative share makes the fit worse", names, tuple(rows)),
+    )
 
 
 def _weighed(one: FamilyTable) -> tuple[str, str, str]:
@@ -139,6 +141,6 @@ def _weighed(one: FamilyTable) -> tuple[str, str, str]:
     return fitted, left_out, "–" if one.log_evidence is None else f"{one.log_evidence:.0f}"
 
 
-def _untested(found: ExplanationTable) -> tuple[Table, ...]:
+def _untested(found: ExplanationTable) -> tuple[ReportTable, ...]:
     rows = tuple((id, "this version cannot test it") for id in found.untested)
-    return (Table("Not tested", ("effect", "why"), rows, numbers=False),) if rows else ()
+    return (ReportTable("Not tested", ("effect", "why"), rows, numbers=False),) if rows else ()

@@ -15,7 +15,7 @@ from fidim_lab.app.report.sections.incidents import incident_rows
 from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, short, size
 from fidim_lab.app.report.sections.paper import FOUND
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
-from fidim_lab.identification.results.result import IdentificationResult, Parameter, WindowVerdict
+from fidim_lab.identification.results.result import IdentificationResult, InertialParameter, WindowVerdict
 from fidim_lab.units import degrees, millimetres, percent, plain, signed
 from procedures.outcomes import Outcome
 
@@ -32,7 +32,7 @@ MARKS = {
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """Text cells under column names; the first column is the row's name."""
 
     caption: str
@@ -53,7 +53,7 @@ def parameter_rows(result: IdentificationResult, true: Body | None) -> tuple[Par
 def gauge_rows(result: IdentificationResult, true: Body | None) -> tuple[ParameterRow, ...]:
     """What does not depend on where P is put: s_z from the plane of the attachments (mean a_z), and I about G."""
     s_z, plane = result.parameters["s_z"], result.attachment_plane
-    relative = Parameter(
+    relative = InertialParameter(
         s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane, seen=s_z.seen
     )
     central = [None] * 6 if true is None else _central(true)
@@ -71,7 +71,7 @@ def _central(body: Body) -> list[float]:
     return [float(inertia[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
 
-def _row(name: str, parameter: Parameter, true: float | None) -> ParameterRow:
+def _row(name: str, parameter: InertialParameter, true: float | None) -> ParameterRow:
     """Both kinds happen to read well in thousandths."""
     return ParameterRow(
         name=name,
@@ -88,14 +88,14 @@ def stated(row: ParameterRow) -> float:
     return max(row.sd, row.spread or 0.0)
 
 
-def parameter_table(caption: str, rows: Sequence[ParameterRow], further: Mapping[str, Sequence[str]]) -> Table:
+def parameter_table(caption: str, rows: Sequence[ParameterRow], further: Mapping[str, Sequence[str]]) -> ReportTable:
     """Values with what is known of them; `further` columns, if not empty, follow CAD: a cell for each row."""
     more = {name: cells for name, cells in further.items() if cells}
     spread, true = any(row.spread is not None for row in rows), any(row.true is not None for row in rows)
     there = (*[True] * 3, spread, spread, True, *[True] * len(more), true, true, true)
     names = ("parameter", "identified", "sd", "spread", "spread, %", "CAD", *more, "true", "error", "error / ±")
     cells = [_cells(row, [column[k] for column in more.values()]) for k, row in enumerate(rows)]
-    return Table(caption, tuple(compress(names, there)), tuple(tuple(compress(row, there)) for row in cells))
+    return ReportTable(caption, tuple(compress(names, there)), tuple(tuple(compress(row, there)) for row in cells))
 
 
 def refits(result: IdentificationResult) -> tuple[str, ...]:
@@ -140,14 +140,14 @@ def _cells(row: ParameterRow, further: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def window_table(result: IdentificationResult, story: Story | None) -> Table:
+def window_table(result: IdentificationResult, story: Story | None) -> ReportTable:
     """One line a window: what the result means for it, and how often it was recorded."""
     windows = result.windows
     attempts = {told.id: sum(a.recorded for a in told.attempts) for told in story.windows} if story else {}
     names = ("window", "role", "pose from", "samples", "σ⊥, m/s²", "rms, mm", "χ²/dof", "conditioning", "recordings")
     there = (*[True] * 8, bool(attempts))
     rows = [(*verdict_cells(window), str(attempts.get(window.id, "–"))) for window in windows]
-    return Table(
+    return ReportTable(
         "All windows. rms and χ²/dof: recorded against predicted from the fitted initial state alone. "
         + result.no_sigma,
         tuple(compress(names, there)),
@@ -168,23 +168,23 @@ def bars(windows: Sequence[WindowVerdict]) -> tuple[Bar, ...]:
     return tuple(sorted(found, key=lambda bar: not bar.held_out))
 
 
-def attempt_table(attempts: Sequence[Attempt]) -> Table:
+def attempt_table(attempts: Sequence[Attempt]) -> ReportTable:
     """Every try at one window."""
     rows = [(str(a.number), duration(a.begin), MARKS[a.outcome], a.reason or _clean(a)) for a in attempts]
-    return Table("Attempts", ("attempt", "at", "verdict", "why"), tuple(rows), numbers=False)
+    return ReportTable("Attempts", ("attempt", "at", "verdict", "why"), tuple(rows), numbers=False)
 
 
 def _clean(attempt: Attempt) -> str:
     return f"all of {len(attempt.measurements)} checks passed" if attempt.measurements else ""
 
 
-def check_table(measurements: Sequence[ToldMeasurement]) -> Table:
+def check_table(measurements: Sequence[ToldMeasurement]) -> ReportTable:
     """What the check of a recording measured, against what is allowed."""
     rows = [
         (seen.name, f"{short(seen.value)} {seen.unit}".strip(), _allowed(seen), MARKS[seen.outcome])
         for seen in measurements
     ]
-    return Table("Checks of the recording", ("measurement", "found", "allowed", ""), tuple(rows), numbers=False)
+    return ReportTable("Checks of the recording", ("measurement", "found", "allowed", ""), tuple(rows), numbers=False)
 
 
 def _allowed(seen: ToldMeasurement) -> str:
@@ -195,7 +195,7 @@ def _allowed(seen: ToldMeasurement) -> str:
     return "" if seen.high is None else f"≤ {plain(seen.high, 4)} {seen.unit}".strip()
 
 
-def rejected_table(contents: Contents) -> Table | None:
+def rejected_table(contents: Contents) -> ReportTable | None:
     """Recordings and windows that did not become part of the campaign, with the reason; None without any."""
     rows: list[tuple[str, ...]] = []
     kept = set(contents.rejected)
@@ -212,7 +212,7 @@ def rejected_table(contents: Contents) -> Table | None:
     rows += _never_accepted(contents.story)
     rows += [("", "", "no journal tells why", f"rejected/{name}") for name in sorted(kept)]
     names = ("window", "attempt", "why it was not taken", "kept as")
-    return Table("Not taken", names, tuple(rows), numbers=False) if rows else None
+    return ReportTable("Not taken", names, tuple(rows), numbers=False) if rows else None
 
 
 def _never_accepted(story: Story | None) -> list[tuple[str, ...]]:
@@ -221,24 +221,24 @@ def _never_accepted(story: Story | None) -> list[tuple[str, ...]]:
     return [("", "", f"the run ended before these were accepted: {', '.join(left)}", "–")] if left else []
 
 
-def incident_table(story: Story) -> Table | None:
+def incident_table(story: Story) -> ReportTable | None:
     """What went amiss in a run; None when nothing did."""
     rows = [
         (when, one.window if when == duration(one.t) else "", one.what, MARKS[one.outcome], says)
         for one, when, says in incident_rows(story.incidents)
     ]
     names = ("at", "window", "step", "outcome", "what was said")
-    return Table("What went amiss", names, tuple(rows), numbers=False) if rows else None
+    return ReportTable("What went amiss", names, tuple(rows), numbers=False) if rows else None
 
 
-def imported_table(contents: Contents) -> Table | None:
+def imported_table(contents: Contents) -> ReportTable | None:
     """What an import found and decided; None where the folder was not imported."""
     if contents.takes is not None:
         return takes_table(contents.takes)
     return None if contents.imported is None else import_table(contents.imported)
 
 
-def takes_table(imported: ImportedTakes) -> Table:
+def takes_table(imported: ImportedTakes) -> ReportTable:
     """What was decided for each take, what is to be checked, and why one was left out."""
     rows: list[tuple[str, str, str]] = []
     for take in imported.takes:
@@ -248,10 +248,12 @@ def takes_table(imported: ImportedTakes) -> Table:
         said += [("left out", take.refused)] if take.refused else []
         rows += [(take.id, kind, words) for kind, words in said]
     rows += [(name, "not read", why) for name, why in imported.unread.items()]
-    return Table(f"Imported as {imported.kind}: {imported.name}", ("take", "", "what"), tuple(rows), numbers=False)
+    return ReportTable(
+        f"Imported as {imported.kind}: {imported.name}", ("take", "", "what"), tuple(rows), numbers=False
+    )
 
 
-def import_table(imported: Imported) -> Table:
+def import_table(imported: Imported) -> ReportTable:
     """What an import found."""
     cluster, registration, clock = imported.cluster, imported.registration, imported.clock.log_minus_markers
     rows = (
@@ -264,10 +266,10 @@ def import_table(imported: Imported) -> Table:
         ("the two verticals differ by", f"{degrees(registration.tilt):.2f}°"),
         ("log clock − marker clock", f"{clock.offset:.4f} ± {clock.sd:.4f} s"),
     )
-    return Table(f"Imported as {imported.kind}: {imported.name}", ("found", "value"), rows, numbers=False)
+    return ReportTable(f"Imported as {imported.kind}: {imported.name}", ("found", "value"), rows, numbers=False)
 
 
-def drive_tables(contents: Contents) -> tuple[Table, ...]:
+def drive_tables(contents: Contents) -> tuple[ReportTable, ...]:
     """How the drives met their requirements; winches of one table share it."""
     together: dict[tuple[GradeRow, ...], list[str]] = {}
     for drive in contents.drives:
@@ -275,7 +277,7 @@ def drive_tables(contents: Contents) -> tuple[Table, ...]:
             together.setdefault(drive.grades, []).append(drive.config.name)
     names = ("requirement", "grade", "met", "by", "what takes its place")
     return tuple(
-        Table(
+        ReportTable(
             f"What the drives of {', '.join(winches)} can do",
             names,
             tuple((g.requirement, g.grade, g.met, g.found, g.instead) for g in grades),
@@ -285,22 +287,22 @@ def drive_tables(contents: Contents) -> tuple[Table, ...]:
     )
 
 
-def file_table(contents: Contents) -> Table:
+def file_table(contents: Contents) -> ReportTable:
     """The folder's files with their checksums."""
     rows = [(file.name, size(file.size), file.sha256) for file in contents.provenance.files]
-    return Table("Files that this report rests on", ("file", "size", "SHA-256"), tuple(rows), numbers=False)
+    return ReportTable("Files that this report rests on", ("file", "size", "SHA-256"), tuple(rows), numbers=False)
 
 
-def version_table(contents: Contents) -> Table:
+def version_table(contents: Contents) -> ReportTable:
     """What computed it."""
-    return Table("Computed with", ("software", "version"), contents.provenance.versions, numbers=False)
+    return ReportTable("Computed with", ("software", "version"), contents.provenance.versions, numbers=False)
 
 
 def _milli(value: float | None) -> float | None:
     return None if value is None else millimetres(value)
 
 
-def trials_table(story: Story) -> Table | None:
+def trials_table(story: Story) -> ReportTable | None:
     """Each stop that was tried, with what the winch's own encoder told; None where none was."""
     if not story.trials:
         return None
@@ -310,7 +312,7 @@ def trials_table(story: Story) -> Table | None:
     ]
     columns = ("winch", "trial", "", "time, s", "allowed", "way, mm", "allowed", "then, mm", "without power, mm", "")
     caption = f"Stops proven by trial, without load, at {short(story.trials[0].speed)} m/s, by each winch's own encoder"
-    return Table(caption, columns, tuple(rows), numbers=False)
+    return ReportTable(caption, columns, tuple(rows), numbers=False)
 
 
 def _stop_cells(seen: Sequence[ToldMeasurement]) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from fidim_lab.app.report.drawings import figures, spectra
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.drawings.figures import Course
 from fidim_lab.app.report.sections.numerals import duration, short
-from fidim_lab.app.report.sections.tables import MARKS, Table, attempt_table, check_table
+from fidim_lab.app.report.sections.tables import MARKS, ReportTable, attempt_table, check_table
 from fidim_lab.arrays import CableSeries, Series, Vector3
 from fidim_lab.data.records import Body, Robot, Window
 from fidim_lab.identification.cleaning.removed import Removed
@@ -37,7 +37,7 @@ class WindowSection:
     origin: str
     """of an imported window; empty elsewhere"""
     notes: tuple[str, ...]
-    tables: tuple[Table, ...]
+    tables: tuple[ReportTable, ...]
     drawings: tuple[Drawing, ...]
 
 
@@ -99,9 +99,9 @@ def _amplitude(path: np.ndarray) -> str:
     return f"{1e3 * float(np.ptp(path, axis=0).max()):.0f} mm" if len(path) else "–"
 
 
-def _tables(told: WindowStory) -> tuple[Table, ...]:
+def _tables(told: WindowStory) -> tuple[ReportTable, ...]:
     """Attempts where there was more than one or the only one was not clean; checks that did not simply pass."""
-    tables: list[Table] = []
+    tables: list[ReportTable] = []
     plain = len(told.attempts) == 1 and not told.attempts[0].reason
     if told.attempts and not plain:
         tables.append(attempt_table(told.attempts))

@@ -11,7 +11,7 @@ import numpy as np
 from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.starts.start import Guess, first_guesses
-from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.units import millimetres
 
@@ -46,8 +46,8 @@ def contradicting(mechanism: Mechanism, windows: Sequence[Window]) -> dict[str, 
     }
 
 
-def _prepared(mechanism: Mechanism, windows: Sequence[Window]) -> list[Recording]:
-    found: list[Recording] = []
+def _prepared(mechanism: Mechanism, windows: Sequence[Window]) -> list[FollowedSamples]:
+    found: list[FollowedSamples] = []
     for window in windows:
         try:
             recording = prepare(window, mechanism.robot)
@@ -58,7 +58,7 @@ def _prepared(mechanism: Mechanism, windows: Sequence[Window]) -> list[Recording
     return found
 
 
-def _sentence(recording: Recording, size: float, usual: float) -> str:
+def _sentence(recording: FollowedSamples, size: float, usual: float) -> str:
     return (
         f"Window {recording.window.id}: its cable lengths and its markers miss each other by "
         f"{millimetres(size):.1f} mm at its start ({recording.window.t[0] + recording.begin:.2f} s), those of the "

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from fidim_lab.identification.mle.starts.start import OPENING
 from fidim_lab.identification.mle.trajectories.likelihood import SpringPrior
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import sprung
 from fidim_lab.model.sensitivity.integrate import States
@@ -69,7 +69,7 @@ def _parts(mechanism: Mechanism) -> list[tuple[Effect, slice]]:
 
 
 def spring_prior(
-    mechanism: Mechanism, shared: Float[np.ndarray, " shared"], guesses: States, recordings: Sequence[Recording]
+    mechanism: Mechanism, shared: Float[np.ndarray, " shared"], guesses: States, recordings: Sequence[FollowedSamples]
 ) -> SpringPrior | None:
     """What is known of the springs at the starts; None where there are none."""
     if not mechanism.springs:
@@ -85,7 +85,7 @@ def spring_prior(
     return SpringPrior(np.where(known, weighed, quiet.tensions), sd, rate_sd)
 
 
-def _weighed(mechanism: Mechanism, recording: Recording) -> Float[np.ndarray, " springs"]:
+def _weighed(mechanism: Mechanism, recording: FollowedSamples) -> Float[np.ndarray, " springs"]:
     """Tensions of the springs by load cells (the window's columns f1 …, N) at the begin, N/kg; NaN where unknown."""
     window, mass = recording.window, mechanism.robot.mass
     early = (window.t - window.t[0] >= recording.begin) & (window.t - window.t[0] <= recording.begin + OPENING[0])

@@ -16,13 +16,13 @@ from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.identification.mle.starts.start_poses import Poses, Targets, at_rest, refined, skew
 from fidim_lab.identification.mle.starts.unread import Unread, poses_from_rests, rest_near
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.motion import rigid
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import States
-from fidim_lab.model.sensitivity.measurement import Measurement
+from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
 from fidim_lab.model.sensitivity.starts import Starts, tied
 from fidim_lab.model.statics import Equilibrium
 
@@ -56,7 +56,7 @@ class Guess:
 class _Opening:
     """Where the markers really are at the begin and how fast they move, (M, 3); NaN for a marker that is not seen."""
 
-    recording: Recording
+    recording: FollowedSamples
     places: np.ndarray
     speeds: np.ndarray
     on_body: np.ndarray
@@ -84,7 +84,7 @@ class _Opening:
 
 
 def first_guess(
-    mechanism: Mechanism, body: Body, recording: Recording, theta: Float[np.ndarray, " theta"] | None = None
+    mechanism: Mechanism, body: Body, recording: FollowedSamples, theta: Float[np.ndarray, " theta"] | None = None
 ) -> Guess:
     """Initial state of one window for a body and θ, the mechanism's unless given.
 
@@ -97,7 +97,10 @@ def first_guess(
 
 
 def first_guesses(
-    mechanism: Mechanism, body: Body, recordings: Sequence[Recording], theta: Float[np.ndarray, " theta"] | None = None
+    mechanism: Mechanism,
+    body: Body,
+    recordings: Sequence[FollowedSamples],
+    theta: Float[np.ndarray, " theta"] | None = None,
 ) -> tuple[Guess | RefusedError, ...]:
     """The same for many windows, far sooner than one by one; for each its guess, or why there is none."""
     shared = np.concatenate([body.vector, mechanism.theta if theta is None else theta])
@@ -140,7 +143,7 @@ def _unseen(opening: _Opening) -> RefusedError:
     return RefusedError(f"Window {opening.recording.window.id}: no marker is seen in its first {OPENING[0]:g} s.")
 
 
-def _opening(mechanism: Mechanism, recording: Recording, shared: np.ndarray) -> _Opening:
+def _opening(mechanism: Mechanism, recording: FollowedSamples, shared: np.ndarray) -> _Opening:
     """A parabola through the first samples of every coordinate, without what the cameras add."""
     seconds, samples = OPENING
     places, speeds = (np.full(recording.markers.shape[1:], np.nan) for _ in range(2))
@@ -151,7 +154,7 @@ def _opening(mechanism: Mechanism, recording: Recording, shared: np.ndarray) -> 
             continue
         fitted = np.polynomial.Polynomial.fit(recording.t[use], recording.markers[use, m, axis], 2)
         places[m, axis], speeds[m, axis] = fitted(0.0), fitted.deriv()(0.0)
-    measurement = Measurement(mechanism, shared[BODY:])
+    measurement = MarkerMeasurement(mechanism, shared[BODY:])
     real, by_point = measurement.true_points(places, recording.begin)
     on_body = measurement.places(mechanism.robot.markers[: len(places)])
     return _Opening(recording, real, np.linalg.solve(by_point, speeds[..., np.newaxis])[..., 0], on_body)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.mle.starts.start_poses import Poses, Targets, refined
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import Equilibrium
@@ -25,7 +25,7 @@ from fidim_lab.model.statics import Equilibrium
 class Unread:
     """What is seen of one window at its begin."""
 
-    recording: Recording
+    recording: FollowedSamples
     places: Float[np.ndarray, "M 3"]
     """of its markers, m; NaN where one is not seen"""
     on_body: Float[np.ndarray, "M 3"]
@@ -37,7 +37,7 @@ class Unread:
         return Pose(by, pose.rotation)
 
 
-def rest_near(mechanism: Mechanism, body: Body, recording: Recording) -> Equilibrium | None:
+def rest_near(mechanism: Mechanism, body: Body, recording: FollowedSamples) -> Equilibrium | None:
     """Where the platform rests with its main marker in the middle of a window; None where it cannot, or is not seen."""
     place = recording.window.equilibrium
     if place is None:

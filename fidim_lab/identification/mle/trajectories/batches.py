@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Robot
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
-from fidim_lab.model.sensitivity.measurement import Measurement
+from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
 from fidim_lab.model.side_by_side import cores
 
 BATCH = 12
@@ -20,7 +20,10 @@ LONG = 30.0
 
 
 def in_batches(
-    recordings: Sequence[Recording], measurement: Measurement, ends: Float[np.ndarray, " W"], resolution: Resolution
+    recordings: Sequence[FollowedSamples],
+    measurement: MarkerMeasurement,
+    ends: Float[np.ndarray, " W"],
+    resolution: Resolution,
 ) -> Iterator[tuple[np.ndarray, Grid]]:
     """Indices of recordings of similar length, each batch with a grid that reaches its longest end (s)."""
     most = max(recording.markers.shape[1] for recording in recordings)
@@ -35,7 +38,7 @@ def in_batches(
 
 
 def body_markers(
-    recordings: Sequence[Recording], robot: Robot, members: Sequence[int] | np.ndarray
+    recordings: Sequence[FollowedSamples], robot: Robot, members: Sequence[int] | np.ndarray
 ) -> Float[np.ndarray, "M 3"]:
     """As many of the robot's markers (body frame, m) as the windows of a batch have at most."""
     return robot.markers[: max(recordings[w].markers.shape[1] for w in members)]

@@ -21,13 +21,13 @@ from scipy.spatial.transform import Rotation
 from fidim_lab.data.records import Body
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.mle.trajectories.batches import body_markers, in_batches, rows_of
-from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.integrate import States, Trajectories, integrate
-from fidim_lab.model.sensitivity.measurement import Measurement
+from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
 from fidim_lab.model.sensitivity.starts import (
     Starts,
     linearised_starts,
@@ -66,7 +66,7 @@ class Likelihood:
     """What was recorded, and how well it is known."""
 
     mechanism: Mechanism
-    recordings: tuple[Recording, ...]
+    recordings: tuple[FollowedSamples, ...]
     guesses: States
     """first guesses, at which the loose priors are centred"""
     noise: float
@@ -184,7 +184,7 @@ def simulate(
     fine = _fine_enough(likelihood, point, resolution)
     if fine is None:
         return None
-    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
     batches = in_batches(likelihood.recordings, measurement, ends, fine)
     parts = side_by_side([partial(_simulated, likelihood, point, starts, ends, *batch) for batch in batches])
     of_batches = [one for part in parts for one in part]
@@ -220,7 +220,7 @@ def _judged(
 ) -> tuple[_Batch, list[WindowResidual]]:
     """A batch with its residuals."""
     trajectories, robot = batch.trajectories, likelihood.mechanism.robot
-    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
     stated = body_markers(likelihood.recordings, robot, batch.members)
     nodal = markers.at_nodes(trajectories, measurement.followed(stated))
     residuals: list[WindowResidual] = []
@@ -240,7 +240,7 @@ def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[Windo
 def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -> list[WindowLinear]:
     """One batch."""
     point, own, starts = simulation.point, likelihood.own, simulation.starts
-    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
     by = variations(
         likelihood.mechanism,
         batch.trajectories,
@@ -291,7 +291,7 @@ def _residual(
 ) -> WindowResidual:
     recording = likelihood.recordings[w]
     use, seen = recording.seen_until(end)
-    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
     own = None if starts.extra is None else starts.extra[w]
     predicted = measurement.seen(nodal, seen.shape[1], grid, recording.t[use], recording.begin, own)
     known = np.isfinite(recording.lengths)

@@ -66,7 +66,7 @@ class Prior:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class NormalStep:
     """A step of all unknowns and the sum of squares to which it would lead if all were linear."""
 
     own: Float[np.ndarray, "W own"]
@@ -98,14 +98,14 @@ def step(
     damping: float,
     free: Bool[np.ndarray, " shared"],
     room: tuple[np.ndarray, np.ndarray] | None = None,
-) -> Step:
+) -> NormalStep:
     """A Gauss–Newton step with Marquardt's damping, relative to the columns' own size; held parameters do not move.
 
     room: as `Prior.room`; the step is the best one within it.
     """
     whole = Part(tables, own, np.arange(tables.shape[1] - own - 1))
     (steps,), shared, predicted = step_of_parts((whole,), prior_rows, damping, free, room)
-    return Step(own=steps, shared=shared, predicted=predicted)
+    return NormalStep(own=steps, shared=shared, predicted=predicted)
 
 
 @dataclass(frozen=True, eq=False)

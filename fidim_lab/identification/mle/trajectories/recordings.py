@@ -26,7 +26,7 @@ FARTHEST = 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class FollowedSamples:
     """The samples of one window that hold at least one coordinate."""
 
     window: Window
@@ -60,13 +60,13 @@ class Recording:
         use = self.t <= end + 1e-9
         return use, np.isfinite(self.markers[use])
 
-    def until(self, end: float) -> "Recording":
+    def until(self, end: float) -> "FollowedSamples":
         """The first `end` seconds; the lengths stay those of the whole."""
         use, _ = self.seen_until(end)
         return replace(self, t=self.t[use], markers=self.markers[use])
 
 
-def prepare(window: Window, robot: Robot) -> Recording:
+def prepare(window: Window, robot: Robot) -> FollowedSamples:
     """The recording of a window. Raises RefusedError, naming the window, where it is too short or in wrong units."""
     rows = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
     if len(rows) < FEWEST:
@@ -77,7 +77,7 @@ def prepare(window: Window, robot: Robot) -> Recording:
     _refuse_far(window, robot)
     if window.lengths_by_poses:
         window = replace(window, lengths=None)
-    return Recording(
+    return FollowedSamples(
         window=window,
         begin=float(window.t[rows[0]] - window.t[0]),
         t=t,

@@ -12,25 +12,34 @@ from rich.console import Console
 from fidim_lab.app import cli
 from fidim_lab.app.analysis.identified import closing_sentence, next_command, summary
 from fidim_lab.app.analysis.identify import identify_command, identify_posed, run_identify
-from fidim_lab.app.analysis.pose_from import Posed, read_posed
+from fidim_lab.app.analysis.pose_from import PosedCampaign, read_posed
 from fidim_lab.app.records.import_recording import run_import
 from fidim_lab.data.records import Campaign, Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.motion.pose_sources import PoseSource
-from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.result import (
+    IdentificationResult,
+    InertialParameter,
+    ResultOutcome,
+    WindowVerdict,
+)
 from fidim_lab.identification.results.result_file import read_result
 
 
 def made_up(
-    *, spread: float | None = 2e-5, noise_ratio: float = 1.0, outcome: Outcome = Outcome.CONVERGED, windows: int = 12
+    *,
+    spread: float | None = 2e-5,
+    noise_ratio: float = 1.0,
+    outcome: ResultOutcome = ResultOutcome.CONVERGED,
+    windows: int = 12,
 ):
     used = tuple(
         WindowVerdict(f"i{k:02d}", Role.IDENTIFY, True, "surface", 961, 0.07, 0.1, 1.0, 1.2) for k in range(windows)
     )
     names = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
     values = (0.002, -0.001, 0.19, 0.06, 0.06, 0.03, 0.0, 0.0, 0.0)
-    parameters = {n: Parameter(v, 1e-5, spread, spread, v * 1.1) for n, v in zip(names, values, strict=True)}
+    parameters = {n: InertialParameter(v, 1e-5, spread, spread, v * 1.1) for n, v in zip(names, values, strict=True)}
     return IdentificationResult(
         campaign="c04", method=Method.TLS, outcome=outcome, message="Done.", parameters=parameters, non_essential=(),
         sigma_W=0.05, C=9.0, windows=used, warnings=("mind the gap",), seconds=1.0, noise_ratio=noise_ratio,
@@ -55,11 +64,11 @@ def test_the_summary_shows_parameters_gauge_and_warnings():
 @pytest.mark.parametrize(
     ("outcome", "json_file", "command"),
     [
-        (Outcome.MISFIT, None, "fidim explain 'my run'"),
-        (Outcome.NOT_CONVERGED, Path("r.json"), "fidim explain 'my run'"),
-        (Outcome.CONVERGED, None, "fidim identify 'my run' --json 'my run/result.json'"),
-        (Outcome.DOUBTFUL, Path("r.json"), "fidim design --after r.json --campaign 'my run' --out next"),
-        (Outcome.CONVERGED, Path("r.json"), "fidim export r.json --to python --campaign 'my run' --out robot.py"),
+        (ResultOutcome.MISFIT, None, "fidim explain 'my run'"),
+        (ResultOutcome.NOT_CONVERGED, Path("r.json"), "fidim explain 'my run'"),
+        (ResultOutcome.CONVERGED, None, "fidim identify 'my run' --json 'my run/result.json'"),
+        (ResultOutcome.DOUBTFUL, Path("r.json"), "fidim design --after r.json --campaign 'my run' --out next"),
+        (ResultOutcome.CONVERGED, Path("r.json"), "fidim export r.json --to python --campaign 'my run' --out robot.py"),
     ],
 )
 def test_the_next_command_follows_from_the_outcome(outcome, json_file, command):
@@ -68,7 +77,7 @@ def test_the_next_command_follows_from_the_outcome(outcome, json_file, command):
 
 def test_no_design_is_proposed_for_a_robot_that_it_does_not_cover():
     """Three cables leave three motions: more windows come from places at random."""
-    doubtful = replace(made_up(outcome=Outcome.DOUBTFUL), freedoms=3)
+    doubtful = replace(made_up(outcome=ResultOutcome.DOUBTFUL), freedoms=3)
     assert next_command(Path("run"), doubtful, Path("r.json")) == "fidim dry-run --robot run/robot.toml --out rehearsal"
 
 
@@ -83,11 +92,11 @@ def test_a_window_without_sigma_says_why():
     ("result", "says"),
     [
         (made_up(), "agree within what noise explains"),
-        (made_up(spread=4e-4, outcome=Outcome.MISFIT), "the windows disagree by 40 times"),
+        (made_up(spread=4e-4, outcome=ResultOutcome.MISFIT), "the windows disagree by 40 times"),
         (made_up(spread=4e-4, windows=4), "4 windows are few"),
-        (made_up(noise_ratio=6.2, outcome=Outcome.MISFIT), "the equations are off by 6.2 times"),
+        (made_up(noise_ratio=6.2, outcome=ResultOutcome.MISFIT), "the equations are off by 6.2 times"),
         (made_up(spread=None), "fewer than three windows"),
-        (made_up(outcome=Outcome.IMPOSSIBLE_BODY), "do not use them"),
+        (made_up(outcome=ResultOutcome.IMPOSSIBLE_BODY), "do not use them"),
     ],
 )
 def test_the_last_sentence_is_honest(result, says):
@@ -97,12 +106,12 @@ def test_the_last_sentence_is_honest(result, says):
 @pytest.mark.parametrize("cause", ["", "The recorded motion dies out."])
 def test_a_failed_fit_gives_way_to_equations_only_where_it_does_not_say_what_is_missing(cause, monkeypatch, irma4):
     """What its model lacks, the equations lack, too."""
-    failed = replace(made_up(outcome=Outcome.NOT_CONVERGED, noise_ratio=4.0), method=Method.MLE, cause=cause)
+    failed = replace(made_up(outcome=ResultOutcome.NOT_CONVERGED, noise_ratio=4.0), method=Method.MLE, cause=cause)
     monkeypatch.setattr(
         "fidim_lab.app.analysis.identify.identify",
         lambda campaign, method, *rest, **more: failed if method is Method.MLE else made_up(),
     )
-    found = identify_posed(Posed(Campaign("made up", irma4, 100.0, ())))
+    found = identify_posed(PosedCampaign(Campaign("made up", irma4, 100.0, ())))
     assert found.method is (Method.MLE if cause else Method.TLS)
     assert bool(found.fallback) is not bool(cause)
 

@@ -11,7 +11,7 @@ from drivers.clock import LoopClock
 from drivers.mocap.decoders import describe
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.compose.simulated_motion_capture import mocap_sender
-from fidim_lab.app.doctor.checks import Verdict
+from fidim_lab.app.doctor.checks import CheckVerdict
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.data.rigs.rig_file import read_rig
 from sim_backends.mocap.server import MocapServer, StreamTiming
@@ -90,12 +90,12 @@ def test_the_doctor_shows_the_systems_own_latency(tmp_path):
 
     checks = run(main)
     assert checks["system's own latency"].found == "4.0 ms"
-    assert checks["stream"].verdict is Verdict.OK
-    assert checks["body/a seen"].verdict is Verdict.OK
+    assert checks["stream"].verdict is CheckVerdict.OK
+    assert checks["body/a seen"].verdict is CheckVerdict.OK
 
 
 def test_the_doctor_names_a_server_that_is_not_there(tmp_path):
     file = rig(tmp_path, "vicon-datastream")
     (check,), _ = run(lambda: check_motion_capture(file, LoopClock()))
-    assert check.verdict is Verdict.UNREACHABLE
+    assert check.verdict is CheckVerdict.UNREACHABLE
     assert "cannot connect" in check.found

@@ -13,7 +13,7 @@ from drivers.cia402.dictionary.requirements import REQUIREMENTS
 from fidim_lab.app import cli
 from fidim_lab.app.doctor import command as doctor
 from fidim_lab.app.doctor import permissions_doctor
-from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.data.records import Limits
 from fidim_lab.data.robot_file import write_robot
 
@@ -27,7 +27,10 @@ def _read(path: Path) -> dict[str, dict[str, str]]:
 @pytest.fixture
 def well(monkeypatch):
     """A machine on which nothing is wrong, whatever this one is."""
-    checks = [lambda: Check("Python", Verdict.OK, "3.11"), lambda: Check("CAN", Verdict.WARNING, "none", "not needed")]
+    checks = [
+        lambda: Check("Python", CheckVerdict.OK, "3.11"),
+        lambda: Check("CAN", CheckVerdict.WARNING, "none", "not needed"),
+    ]
     monkeypatch.setattr(doctor, "CHECKS", checks)
 
 
@@ -51,7 +54,7 @@ def test_warnings_do_not_fail(capsys):
 
 @pytest.mark.usefixtures("well")
 def test_a_failed_check_ends_with_1_and_is_named(monkeypatch, capsys):
-    failing = [*doctor.CHECKS, lambda: Check("disk", Verdict.FAILED, "no room", "make room")]
+    failing = [*doctor.CHECKS, lambda: Check("disk", CheckVerdict.FAILED, "no room", "make room")]
     monkeypatch.setattr(doctor, "CHECKS", failing)
     assert cli.run(["doctor"]) == 1
     shown = capsys.readouterr().out
@@ -62,14 +65,14 @@ def test_a_failed_check_ends_with_1_and_is_named(monkeypatch, capsys):
 def test_a_stranger_in_our_name_is_found(monkeypatch):
     monkeypatch.setattr(doctor, "packages_distributions", lambda: {"drivers": ["fidim-lab", "windriver"]})
     check = doctor.check_package_names()
-    assert check.verdict is Verdict.FAILED
+    assert check.verdict is CheckVerdict.FAILED
     assert "drivers (from windriver)" in check.found
 
 
 def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setattr(doctor, "LIBRARIES", ("numpy", "no-such-library"))
     check = doctor.check_libraries()
-    assert (check.verdict, check.found) == (Verdict.FAILED, "without no-such-library")
+    assert (check.verdict, check.found) == (CheckVerdict.FAILED, "without no-such-library")
 
 
 def _port(tmp_path, monkeypatch, *, open_: bool, group: str):
@@ -84,7 +87,7 @@ def _port(tmp_path, monkeypatch, *, open_: bool, group: str):
 
 def test_a_serial_port_that_is_closed_names_the_group_that_opens_it(tmp_path, monkeypatch):
     check = _port(tmp_path, monkeypatch, open_=False, group="dialout")
-    assert check.verdict is Verdict.WARNING
+    assert check.verdict is CheckVerdict.WARNING
     assert "ttyUSB0 cannot be opened by you" in check.found
     assert "sudo usermod -aG dialout $USER, then log in anew" in check.advice
 
@@ -97,7 +100,7 @@ def test_a_port_of_root_is_for_the_administrator(tmp_path, monkeypatch):
 
 def test_an_open_port_is_named(tmp_path, monkeypatch):
     check = _port(tmp_path, monkeypatch, open_=True, group="dialout")
-    assert check.verdict is Verdict.OK
+    assert check.verdict is CheckVerdict.OK
     assert "ttyUSB0" in check.found
 
 
@@ -105,18 +108,18 @@ def test_a_folder_for_sockets_that_is_open_to_others_or_impossible_fails(tmp_pat
     monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path / "runtime"))
     (tmp_path / "runtime").mkdir(mode=0o755)
     open_to_all = permissions_doctor.check_permissions()
-    assert open_to_all.verdict is Verdict.FAILED
+    assert open_to_all.verdict is CheckVerdict.FAILED
     assert "must belong to you alone" in open_to_all.found
     (tmp_path / "file").touch()
     monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path / "file" / "runtime"))
     impossible = permissions_doctor.check_permissions()
-    assert impossible.verdict is Verdict.FAILED
+    assert impossible.verdict is CheckVerdict.FAILED
     assert "FIDIM_RUNTIME_DIR" in impossible.advice
 
 
 def test_a_full_disk_is_seen(monkeypatch):
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda path: type("usage", (), {"free": 1e6})())
-    assert doctor.check_disk().verdict is Verdict.FAILED
+    assert doctor.check_disk().verdict is CheckVerdict.FAILED
 
 
 @pytest.mark.usefixtures("well")

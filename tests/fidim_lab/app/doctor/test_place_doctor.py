@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.ports import MarkerFrame
-from fidim_lab.app.doctor.checks import Verdict
+from fidim_lab.app.doctor.checks import CheckVerdict
 from fidim_lab.app.doctor.mocap_doctor import Watched
 from fidim_lab.app.doctor.rig_doctor import check_place, check_reach
 from fidim_lab.data.rigs.rig_file import read_rig
@@ -25,19 +25,19 @@ def watched(place, swing=0.0):
 
 
 CASES = {
-    "right": (LENGTHS, MARKER, Verdict.OK, ""),
-    "10 mm off, as surveys are": (LENGTHS, np.add(MARKER, (0.0, 0.0, 0.01)), Verdict.OK, ""),
+    "right": (LENGTHS, MARKER, CheckVerdict.OK, ""),
+    "10 mm off, as surveys are": (LENGTHS, np.add(MARKER, (0.0, 0.0, 0.01)), CheckVerdict.OK, ""),
     "origin moved": (
         LENGTHS,
         np.add(MARKER, (0.3, 0.0, 0.0)),
-        Verdict.FAILED,
+        CheckVerdict.FAILED,
         "origin of motion capture, is off by (+300",
     ),
-    "up is wrong": (LENGTHS, MARKER[[0, 2, 1]], Verdict.FAILED, "y and z of the markers are exchanged"),
-    "gear of all": (tuple(1.1 * one for one in LENGTHS), MARKER, Verdict.FAILED, "all cables are"),
-    "a slipped cable": ((1.34283, 1.39119, 1.56772, 1.45231), MARKER, Verdict.FAILED, "cable 2 is 34 mm longer"),
-    "no rest": ((1.34283, 9.43119, 1.56772, 1.45231), MARKER, Verdict.FAILED, "zeros, gears and drums"),
-    "not homed": (None, MARKER, Verdict.WARNING, "mend"),
+    "up is wrong": (LENGTHS, MARKER[[0, 2, 1]], CheckVerdict.FAILED, "y and z of the markers are exchanged"),
+    "gear of all": (tuple(1.1 * one for one in LENGTHS), MARKER, CheckVerdict.FAILED, "all cables are"),
+    "a slipped cable": ((1.34283, 1.39119, 1.56772, 1.45231), MARKER, CheckVerdict.FAILED, "cable 2 is 34 mm longer"),
+    "no rest": ((1.34283, 9.43119, 1.56772, 1.45231), MARKER, CheckVerdict.FAILED, "zeros, gears and drums"),
+    "not homed": (None, MARKER, CheckVerdict.WARNING, "mend"),
 }
 
 
@@ -53,13 +53,13 @@ def test_where_the_lengths_put_the_marker(case):
 @pytest.mark.parametrize(("seen", "says"), [(None, "main marker"), (watched(MARKER, 0.04), "moves by 80 mm")])
 def test_what_cannot_be_compared_is_said(seen, says):
     (check,) = check_place(RIG, LENGTHS, seen)
-    assert check.verdict is Verdict.WARNING
+    assert check.verdict is CheckVerdict.WARNING
     assert says in check.found
 
 
 @pytest.mark.parametrize(
     ("limits", "verdict"),
-    [((0.2, 6.0), Verdict.OK), ((0.2, 1.7), Verdict.WARNING), ((200.0, 6000.0), Verdict.FAILED)],
+    [((0.2, 6.0), CheckVerdict.OK), ((0.2, 1.7), CheckVerdict.WARNING), ((200.0, 6000.0), CheckVerdict.FAILED)],
 )
 def test_length_limits_fit_the_lengths_with_which_the_robot_rests(limits, verdict):
     winches = tuple(replace(entry, length_limits=limits) for entry in RIG.winches)

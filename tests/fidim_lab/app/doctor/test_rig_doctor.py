@@ -13,7 +13,7 @@ from drivers.cia402.watch import CanopenMaster, acknowledge_fault, read_state, t
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame
 from fidim_lab.app.compose import rig_settings
-from fidim_lab.app.doctor.checks import Check, Verdict, make_table, summary
+from fidim_lab.app.doctor.checks import Check, CheckVerdict, make_table, summary
 from fidim_lab.app.doctor.mocap_doctor import Watched, check_markers, check_timing
 from fidim_lab.app.doctor.rig_doctor import check_guards, check_tensions
 from fidim_lab.data.rigs.rig_file import read_rig
@@ -177,7 +177,7 @@ def watched(rate=100.0, *, late=(), hidden=0, frozen=False, lost=0):
 
 
 def failed(checks):
-    return [check.name for check in checks if check.verdict is Verdict.FAILED]
+    return [check.name for check in checks if check.verdict is CheckVerdict.FAILED]
 
 
 def test_a_stream_that_is_well():
@@ -227,8 +227,8 @@ def test_reactions_of_the_rig_file_reach_the_guards():
 
 
 def test_the_same_of_all_devices_is_one_row():
-    checks = [Check("6007", Verdict.OK, "3", wanted="3", device=f"winch {k}") for k in (1, 2, 3)]
-    checks.append(Check("drive", Verdict.UNREACHABLE, "no answer", "look", "node 4", "winch 4"))
+    checks = [Check("6007", CheckVerdict.OK, "3", wanted="3", device=f"winch {k}") for k in (1, 2, 3)]
+    checks.append(Check("drive", CheckVerdict.UNREACHABLE, "no answer", "look", "node 4", "winch 4"))
     table = make_table(checks)
     assert table.row_count == 2
     assert list(table.columns[1].cells) == ["all 3: 6007", "winch 4: drive"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import cli
-from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.finding import RobotFinding
 from fidim_lab.app.doctor.robot_plausibility import middle_rests, plausibility
 from fidim_lab.app.doctor.robot_text import robot_views
 from fidim_lab.app.report.drawings.robot_picture import robot_picture
@@ -20,7 +20,7 @@ from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism
 
 
-def _by_name(robot: Robot) -> dict[str, Finding]:
+def _by_name(robot: Robot) -> dict[str, RobotFinding]:
     return {finding.what: finding for finding in plausibility(robot)}
 
 

@@ -28,7 +28,7 @@ from fidim_lab.mismatch.conclusion.explanation import (
     NamedCause,
     Verdict,
 )
-from fidim_lab.mismatch.next_experiment.proposal import Odds, Proposal, Trial
+from fidim_lab.mismatch.next_experiment.proposal import Odds, Proposal, ProposedTrial
 from procedures.handlers import HANDLERS
 from procedures.outcomes import Outcome
 from procedures.protocols.catalogue import experiment
@@ -66,7 +66,7 @@ def explanation(verdict, *effects, advice=None):
 
 
 def proposal(claim, probability, markers=1, windows=2):
-    trial = Trial(np.array(Z[:4]), np.array(Z[4:]), None)
+    trial = ProposedTrial(np.array(Z[:4]), np.array(Z[4:]), None)
     odds = tuple(Odds(claim.rivals[0], 1.0, probability) for _ in range(windows))
     return Proposal(claim, (trial,) * windows, Odds(claim.rivals[0], 0.0, 0.0), odds, markers)
 

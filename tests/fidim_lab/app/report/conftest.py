@@ -10,11 +10,17 @@ from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Motion, Role, Window
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.motion.trajectory import Prediction
-from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, Residual, WindowVerdict
+from fidim_lab.identification.results.result import (
+    IdentificationResult,
+    InertialParameter,
+    Residual,
+    ResultOutcome,
+    WindowVerdict,
+)
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
-from procedures.outcomes import Outcome as RunOutcome
-from procedures.recording.journal import Journal, Kind
+from procedures.outcomes import Outcome
+from procedures.recording.journal import Journal, LineKind
 
 TRUE = (0.0012, -0.0034, 0.1931, 0.0461, 0.0672, 0.0318, 0.0001, 0.0002, 0.0003)
 """what truth.json says"""
@@ -47,28 +53,28 @@ class JournalMaker:
 
     def begin(self, *windows):
         data = {"format": "fidim-journal/1", "windows": windows, "seconds": 60.0, "settings": {}}
-        self.write(Kind.RUN_STARTED, text="dry run", data=data)
+        self.write(LineKind.RUN_STARTED, text="dry run", data=data)
         return self
 
     def start(self, step, window="i01"):
-        self.write(Kind.STEP_STARTED, step=step, window=window, text=step)
+        self.write(LineKind.STEP_STARTED, step=step, window=window, text=step)
         return self
 
-    def step(self, step, window="i01", outcome=RunOutcome.PASS, reason="", **data):
+    def step(self, step, window="i01", outcome=Outcome.PASS, reason="", **data):
         self.start(step, window)
-        self.write(Kind.STEP_FINISHED, step=step, window=window, outcome=outcome, reason=reason, data=data)
+        self.write(LineKind.STEP_FINISHED, step=step, window=window, outcome=outcome, reason=reason, data=data)
         return self
 
     def attempt(self, window="i01", problem=""):
-        outcome = RunOutcome.FAIL if problem else RunOutcome.PASS
+        outcome = Outcome.FAIL if problem else Outcome.PASS
         measured = {"name": "amplitude", "outcome": outcome.value, "value": 0.004, "unit": "m", "low": 0.005}
         self.step("AwaitHandsOff", window).step("Record", window)
         self.step("CheckWindow", window, outcome, problem, measurements=[measured])
         return self.step("Reject" if problem else "Accept", window, outcome, problem)
 
-    def end(self, outcome=RunOutcome.PASS, reason="1 of 1 windows accepted."):
-        self.write(Kind.HELD, outcome=RunOutcome.PASS, reason="All winches stand still, held.")
-        self.write(Kind.RUN_FINISHED, outcome=outcome, reason=reason, data={"windows": {}, "seconds": 60.0})
+    def end(self, outcome=Outcome.PASS, reason="1 of 1 windows accepted."):
+        self.write(LineKind.HELD, outcome=Outcome.PASS, reason="All winches stand still, held.")
+        self.write(LineKind.RUN_FINISHED, outcome=outcome, reason=reason, data={"windows": {}, "seconds": 60.0})
         return self
 
 
@@ -134,11 +140,11 @@ def result_of():
     def make(campaign, *, spread=3e-4, **other):
         values = (0.001, -0.0035, 0.1932, 0.0463, 0.067, 0.0319, 0.0, 0.0, 0.0)
         parameters = {
-            name: Parameter(value, 1e-4, spread, spread, float(nominal))
+            name: InertialParameter(value, 1e-4, spread, spread, float(nominal))
             for name, value, nominal in zip(PARAMETER_NAMES, values, campaign.robot.nominal.vector, strict=True)
         }
         result = IdentificationResult(
-            campaign=campaign.name, method=Method.TLS, outcome=Outcome.CONVERGED, message="Done.",
+            campaign=campaign.name, method=Method.TLS, outcome=ResultOutcome.CONVERGED, message="Done.",
             parameters=parameters, non_essential=(), sigma_W=0.0613, C=9.0,
             windows=tuple(verdict_on(window) for window in campaign.windows), warnings=("mind the gap",), seconds=1.0,
             noise_ratio=1.07, covariance=1e-8 * np.eye(9), attachment_plane=0.2665,
@@ -166,7 +172,7 @@ def write_folder(tmp_path_factory):
             lines.attempt(problem="amplitude is 0.004 m").attempt().attempt("v02")
             (folder / "rejected").mkdir()
             (folder / "rejected" / "i01-attempt1.csv").write_text("t,x,y,z\n")
-            lines.step("GiveUp", "v03", RunOutcome.SKIPPED, "left out by the operator").end()
+            lines.step("GiveUp", "v03", Outcome.SKIPPED, "left out by the operator").end()
         return folder
 
     return write

@@ -27,8 +27,8 @@ from fidim_lab.mismatch.conclusion.explanation import (
     BodyParameter,
     EffectParameter,
     Explanation,
+    MismatchPlace,
     NamedCause,
-    Place,
     Ranked,
     Verdict,
     write_explanation,
@@ -36,7 +36,7 @@ from fidim_lab.mismatch.conclusion.explanation import (
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
-from fidim_lab.mismatch.unknown_force.unknown import FamilyTried, Term, Unknown
+from fidim_lab.mismatch.unknown_force.unknown import FamilyTried, Term, UnknownForce
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import simulate_free_motion
@@ -75,7 +75,7 @@ def explanation(irma4):
     )
     return Explanation(
         campaign="with drag", verdict=Verdict.EXPLAINED, effects=(cause,),
-        where=(Place("i01", (0.5, 2.0), "x", 1.3, 0.6, "Window i01 is off in x <most>."),),
+        where=(MismatchPlace("i01", (0.5, 2.0), "x", 1.3, 0.6, "Window i01 is off in x <most>."),),
         chi2_per_dof=Before(41.0, 1.02), rms_mm=Before(0.66, 0.101),
         ranking=(Ranked(("air-drag-linear",), 1.02, True, "accepted: white"),
                  Ranked(("pulley-radius",), 38.0, False, "a pulley of 3 m")),
@@ -239,7 +239,7 @@ def unknown():
     term = Term("force by place", Dependence.POSITION, None, None, (0.0, 0.0, 0.0), ("It pushes towards x.",), True)
     before, after = HeldOut(4000.0, 1000, 1e-3, {}), HeldOut(1100.0, 1000, 1e-4, {})
     tried = (FamilyTried("force by place", 0.93, 0.9, 812.0), FamilyTried("force by time", 0.1, float("nan"), 2.0))
-    return Unknown(
+    return UnknownForce(
         (term,), 0.93, before, after, term.words, field, (), tried, fit=Fit.__new__(Fit), seconds=1.0
     )  # fmt: skip
 

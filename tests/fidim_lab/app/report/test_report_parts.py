@@ -25,7 +25,7 @@ from fidim_lab.app.report.sections.paper import is_papers_robot
 from fidim_lab.app.report.sections.tables import drive_tables, parameter_table
 from fidim_lab.app.report.sections.windows import measured_tension
 from fidim_lab.app.report.sections.words import found_sentence, truth_sentence
-from fidim_lab.data.records import Winch
+from fidim_lab.data.records import WinchTorque
 from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism
 from procedures.outcomes import Outcome
@@ -124,7 +124,7 @@ def test_the_sentence_about_the_find_states_what_to_believe():
 
 def test_tensions_come_from_currents_with_each_winchs_factor(irma4, campaign):
     window = replace(campaign.windows[0], currents=np.ones((200, 4)))
-    winches = tuple(Winch(0.03, gear, 0.85, 0.12) for gear in (10.0, 10.0, 20.0, 10.0))
+    winches = tuple(WinchTorque(0.03, gear, 0.85, 0.12) for gear in (10.0, 10.0, 20.0, 10.0))
     _, values, source = measured_tension(replace(irma4, winches=winches), window)
     np.testing.assert_allclose(values[0], [34.0, 34.0, 68.0, 34.0])
     assert source == "motor currents"

@@ -5,7 +5,7 @@ import pytest
 from fidim_lab.app.report.contents.story import read_story
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
-from procedures.recording.journal import Kind
+from procedures.recording.journal import LineKind
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_times_are_those_of_the_run(path, journal_at):
 
 def test_a_run_that_broke_off_is_told_to_its_last_line(path, journal_at):
     lines = journal_at(path).begin("i01").step("AwaitHandsOff").start("Record")
-    lines.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason="cable 2 is slack")
+    lines.write(LineKind.TRIPPED, outcome=Outcome.ERROR, reason="cable 2 is slack")
     with path.open("ab") as file:
         file.write(b'{"number": 9, "t": 1')  # torn by the power cut
     story = read_story(path)

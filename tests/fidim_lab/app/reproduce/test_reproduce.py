@@ -16,7 +16,7 @@ from fidim_lab.app.reproduce.file import to_json
 from fidim_lab.app.reproduce.words import sentences
 from fidim_lab.data import paper
 from fidim_lab.identification import reproduction
-from fidim_lab.identification.reproduction import OptimisedWindow, Places, Reading, Reproduction
+from fidim_lab.identification.reproduction import IdentifiedRun, OptimisedWindow, Places, Reproduction
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +62,9 @@ def test_cost_is_equation_40_of_a_noise_free_regressor(optimised):
     assert reproduction.cost(optimised) == pytest.approx((s[0] + 1) / s[8])
 
 
-def reading(error: float, *, sigma_W: float = 0.5, used: int = 12) -> Reading:
+def reading(error: float, *, sigma_W: float = 0.5, used: int = 12) -> IdentifiedRun:
     ids = tuple(f"k{k + 1:02d}" for k in range(used))
-    return Reading(paper.FREE.values * (1 + error), np.full(9, 1.0), sigma_W, 8.0, ids, {"k99": "it was raining"})
+    return IdentifiedRun(paper.FREE.values * (1 + error), np.full(9, 1.0), sigma_W, 8.0, ids, {"k99": "it was raining"})
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ def test_difference_is_equation_48(made_up):
     found = reproduction.essential_difference(made_up.random)
     np.testing.assert_allclose(found, 100 * 0.01 / 1.02)
     papers = Places(
-        *[Reading(p.values, p.percent, p.sigma_W, p.C, (), {}) for p in (paper.FREE, paper.FULL)], "", "", ""
+        *[IdentifiedRun(p.values, p.percent, p.sigma_W, p.C, (), {}) for p in (paper.FREE, paper.FULL)], "", "", ""
     )
     printed = reproduction.essential_difference(papers)
     assert printed is not None

@@ -11,7 +11,7 @@ import pytest
 from fidim_lab.app.service import lock as lock_module
 from fidim_lab.app.service import place as module
 from fidim_lab.app.service.lock import held, holder, left_behind
-from fidim_lab.app.service.place import Place, all_places, runtime_folder
+from fidim_lab.app.service.place import ServicePlace, all_places, runtime_folder
 from fidim_lab.errors import SetupError
 
 
@@ -26,7 +26,7 @@ def shared(tmp_path, monkeypatch):
 @pytest.fixture
 def place(tmp_path, monkeypatch):
     monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path))
-    return Place(tmp_path, "rig")
+    return ServicePlace(tmp_path, "rig")
 
 
 @contextmanager
@@ -60,7 +60,7 @@ def test_the_place_hangs_on_the_user_and_on_no_variable_of_a_session(shared, mon
 def test_a_session_has_a_link_to_it_for_who_looks_there(shared, monkeypatch):
     (shared / "xdg").mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(shared / "xdg"))
-    with held(Place(runtime_folder(), "rig"), shared / "run"):
+    with held(ServicePlace(runtime_folder(), "rig"), shared / "run"):
         assert (shared / "xdg" / "fidim" / "rig.lock").read_bytes()
 
 

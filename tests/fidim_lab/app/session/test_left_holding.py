@@ -7,13 +7,13 @@ import pytest
 
 from drivers.cia402.bring_up import HAS_POWER
 from fidim_lab.app.service.lock import held
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.session.left_holding import left_by, power_advice
 
 
 @pytest.fixture
 def place(tmp_path):
-    return Place(tmp_path, "rig")
+    return ServicePlace(tmp_path, "rig")
 
 
 def killed(place, folder):

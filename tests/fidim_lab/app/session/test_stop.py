@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 
 FIDIM = [sys.executable, "-c", "import sys; from fidim_lab.app.cli import run; sys.exit(run(sys.argv[1:]))"]
 
@@ -22,7 +22,7 @@ FIDIM = [sys.executable, "-c", "import sys; from fidim_lab.app.cli import run; s
 def place(tmp_path):
     folder = tmp_path / "rt"
     folder.mkdir(mode=0o700)
-    return Place(folder, "abcdefabcdef")
+    return ServicePlace(folder, "abcdefabcdef")
 
 
 def stop(place, *more, **changed):

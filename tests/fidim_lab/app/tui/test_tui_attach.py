@@ -12,7 +12,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from fidim_lab.app.cli import run
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.main import prepare
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.session.dry_run import DryRunOptions
 from fidim_lab.app.session.ui import finder_for
 from fidim_lab.app.session.ui_dry_run import make_spec, rig_table, with_winches
@@ -33,7 +33,7 @@ def runtime(tmp_path, monkeypatch):
 
 def test_the_only_service_is_found_and_of_several_the_one_of_a_folder(runtime, tmp_path):
     assert "no service is running" in Finder().look().why
-    one, two = Place(runtime, "one"), Place(runtime, "two")
+    one, two = ServicePlace(runtime, "one"), ServicePlace(runtime, "two")
     (tmp_path / "b").mkdir()
     with held(one, tmp_path / "a"):
         assert Finder().look().socket == one.socket

@@ -13,7 +13,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from fidim_lab.app.service.lock import held
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.tui.keys import SETTLE
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
@@ -43,7 +43,7 @@ async def _served(port, folder, environment):
 def test_the_ui_in_a_browser_takes_keys_and_needs_the_token(fake, tmp_path, browser, port):
     runtime = tmp_path / "rt"
     runtime.mkdir(mode=0o700)
-    place = Place(runtime, "x")
+    place = ServicePlace(runtime, "x")
     fake.socket = place.socket
     environment = {**os.environ, "FIDIM_RUNTIME_DIR": str(runtime)}
 

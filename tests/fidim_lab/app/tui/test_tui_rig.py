@@ -10,7 +10,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app.service.commands import Pause
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import Happening
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.tui.app import FidimUi
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.link import Link
@@ -28,8 +28,8 @@ class Laboratory:
 
     @asynccontextmanager
     async def service(self, key, rig, folder):
-        service = type(self._fake)(Place(self._runtime, key).socket, folder, rig=rig)
-        with held(Place(self._runtime, key), folder):
+        service = type(self._fake)(ServicePlace(self._runtime, key).socket, folder, rig=rig)
+        with held(ServicePlace(self._runtime, key), folder):
             serving = asyncio.ensure_future(service.run())
             try:
                 yield service
@@ -133,7 +133,7 @@ def test_a_service_that_greets_nobody_is_told(laboratory, tmp_path, monkeypatch)
     monkeypatch.setattr("fidim_lab.app.tui.link.GREETS_WITHIN", 0.3)
 
     async def main():
-        place = Place(laboratory._runtime, "a")
+        place = ServicePlace(laboratory._runtime, "a")
         came = []
         server = await asyncio.start_unix_server(lambda _, writer: came.append(writer), path=place.socket)
         with held(place, tmp_path):

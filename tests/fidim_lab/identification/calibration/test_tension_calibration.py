@@ -9,8 +9,8 @@ from fidim_lab.data.records import Role, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.calibration.tension_calibration import (
-    Reading,
     Rests,
+    TensionReading,
     calibrate,
     rests_of,
     rests_of_readings,
@@ -143,7 +143,7 @@ def test_tension_checks_at_rest_are_narrower_than_means_of_swings():
     for window in plan.windows:
         tension = pose_from_lengths(mechanism, robot.nominal, window.lengths).tensions_in_newton(robot.mass)
         currents = tension / GAIN + 0.02 * rng.standard_normal(robot.n)
-        readings.append(Reading(window.lengths, currents, np.zeros(robot.n)))
+        readings.append(TensionReading(window.lengths, currents, np.zeros(robot.n)))
     found = calibrate(rests_of_readings(robot, robot.nominal, readings))
     assert all(winch.friction < 4.0 and winch.gain == pytest.approx(GAIN, rel=0.03) for winch in found)
     by_cells = [replace(reading, load_cells=2.0 * GAIN * reading.currents) for reading in readings]

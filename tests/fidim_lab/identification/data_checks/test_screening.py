@@ -11,8 +11,8 @@ from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.identification.data_checks.robot_changes import robot_changes
 from fidim_lab.identification.data_checks.robot_mistakes import find_mistakes
 from fidim_lab.identification.data_checks.screening import screen
-from fidim_lab.identification.markers.displaced import Limits
-from fidim_lab.identification.markers.finding import Kind
+from fidim_lab.identification.markers.displaced import ScoreLimits
+from fidim_lab.identification.markers.finding import DefectKind
 from fidim_lab.identification.markers.samples import inspect
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -92,7 +92,7 @@ def test_false_alarms_on_simulated_nulls_are_below_one_per_cent(clean):
     alarms = 0
     for seed in range(30):
         campaign = clean(seed=100 + seed)
-        limits = Limits.for_tests(sum(len(window.t) for window in campaign.windows))
+        limits = ScoreLimits.for_tests(sum(len(window.t) for window in campaign.windows))
         found = [inspect(w, 100.0, NOISE, np.full((1, 3), NOISE), limits).findings for w in campaign.windows]
         alarms += any(found)
     assert alarms == 0
@@ -104,7 +104,7 @@ def test_a_spike_is_found_with_time_and_size(clean, size):
     markers = marked(campaign)
     markers[150, 0, 1] += size * NOISE
     seen, fault = only_fault(changed(campaign, markers=markers))
-    assert fault.kind is Kind.SPIKE
+    assert fault.kind is DefectKind.SPIKE
     assert fault.channel == "y"
     assert fault.t == (1.5, 1.5)
     assert fault.size == pytest.approx(size * NOISE, rel=0.1, abs=3 * NOISE)
@@ -129,7 +129,7 @@ def test_a_frozen_run_is_found(clean):
     markers = marked(campaign)
     markers[200:208, 2] = markers[200, 2]
     seen, fault = only_fault(changed(campaign, markers=markers))
-    assert fault.kind is Kind.FROZEN
+    assert fault.kind is DefectKind.FROZEN
     assert fault.channel == "m3x"
     assert fault.t == (2.0, 2.07)
     assert fault.size == 8
@@ -140,7 +140,7 @@ def test_a_frozen_run_is_found(clean):
 def test_coarse_values_are_not_frozen(clean):
     campaign = clean()
     rounded = np.round(campaign.windows[1].markers, 4)
-    assert not [f for f in screen(changed(campaign, markers=rounded)).findings if f.kind is Kind.FROZEN]
+    assert not [f for f in screen(changed(campaign, markers=rounded)).findings if f.kind is DefectKind.FROZEN]
 
 
 @pytest.mark.parametrize(("end", "until"), [(300, 2.99), (401, 4.0)])
@@ -149,7 +149,7 @@ def test_a_jump_is_found_with_its_interval(clean, end, until):
     markers = marked(campaign)
     markers[250:end, 0] += [0.002, -0.001, 0.0]
     seen, fault = only_fault(changed(campaign, markers=markers))
-    assert fault.kind is Kind.JUMP
+    assert fault.kind is DefectKind.JUMP
     assert fault.t == (2.5, until)
     assert fault.size == pytest.approx(np.hypot(0.002, 0.001), rel=0.15)
     assert seen.removed["w2"] == end - 250
@@ -163,7 +163,7 @@ def test_a_jump_too_faint_for_its_neighbours_is_told_by_distances(clean, marker,
     towards = places[0, marker] - np.delete(places[0], marker, axis=0).mean(axis=0)
     places[250:, marker] += 4 * NOISE * towards / np.linalg.norm(towards)
     seen, fault = only_fault(changed(campaign, markers=places))
-    assert fault.kind is Kind.JUMP
+    assert fault.kind is DefectKind.JUMP
     assert fault.channel[:-1] == ("" if marker == 0 else f"m{marker + 1}")
     assert fault.t == (pytest.approx(2.5, abs=0.1), 4.0)
     assert 2 * NOISE < fault.size < 6 * NOISE
@@ -202,7 +202,7 @@ def test_lost_frames_behind_even_time_stamps_are_counted(clean, lost):
     short = replace(window, t=window.t[: len(kept)], markers=window.markers[kept], lengths=window.lengths[: len(kept)])
     windows = (campaign.windows[0], short, *campaign.windows[2:])
     _, fault = only_fault(replace(campaign, windows=windows))
-    assert fault.kind in {Kind.SKIP, Kind.JUMP}  # in slow motion the two look alike; both are taken out
+    assert fault.kind in {DefectKind.SKIP, DefectKind.JUMP}  # in slow motion the two look alike; both are taken out
     assert at / 100 in (pytest.approx(fault.t[0], abs=0.015), pytest.approx(fault.t[1], abs=0.015))
 
 
@@ -212,7 +212,7 @@ def test_rows_that_are_openly_missing_are_a_gap_and_no_fault(clean):
     window = campaign.windows[1]
     cut = replace(window, t=window.t[kept], markers=window.markers[kept], lengths=window.lengths[kept])
     seen = screen(replace(campaign, windows=(campaign.windows[0], cut, *campaign.windows[2:])))
-    assert [(f.kind, f.window, f.size) for f in seen.findings] == [(Kind.GAP, "w2", 5.0)]
+    assert [(f.kind, f.window, f.size) for f in seen.findings] == [(DefectKind.GAP, "w2", 5.0)]
     assert not seen.is_sensor_fault
 
 
@@ -221,9 +221,9 @@ def test_uneven_time_stamps_and_another_rate_are_said(clean):
     t = campaign.windows[1].t.copy()
     t[100] += 0.002
     found = screen(changed(campaign, t=t)).findings
-    assert (Kind.CLOCK, "w2") in {(f.kind, f.window) for f in found}
+    assert (DefectKind.CLOCK, "w2") in {(f.kind, f.window) for f in found}
     found = screen(replace(campaign, sample_rate=102.0)).findings
-    assert [f.window for f in found if f.kind is Kind.CLOCK] == ["w1", "w2", "w3", "w4"]
+    assert [f.window for f in found if f.kind is DefectKind.CLOCK] == ["w1", "w2", "w3", "w4"]
 
 
 def test_an_encoder_that_slips_under_a_locked_motor_is_found(clean):
@@ -239,7 +239,7 @@ def test_an_encoder_that_slips_under_a_locked_motor_is_found(clean):
 
 def test_noise_that_is_not_the_declared_is_measured(clean):
     seen = screen(clean(noise=3e-4))
-    assert [f.kind for f in seen.findings] == [Kind.NOISE]
+    assert [f.kind for f in seen.findings] == [DefectKind.NOISE]
     assert seen.noise_ratio == pytest.approx(3.0, rel=0.05)
     assert not seen.is_sensor_fault
 
@@ -347,9 +347,9 @@ def test_lost_frames_in_quick_motion_are_counted():
     window = campaign.windows[2]
     kept = np.delete(np.arange(1001), slice(500, 505))
     short = replace(window, t=window.t[:996], markers=window.markers[kept], lengths=None, currents=None)
-    limits, sigma = Limits.for_tests(72000), np.full((4, 3), NOISE)
+    limits, sigma = ScoreLimits.for_tests(72000), np.full((4, 3), NOISE)
     found = inspect(short, 100.0, NOISE, sigma, limits).findings
-    assert [(f.kind, f.size, f.t) for f in found] == [(Kind.SKIP, 5.0, (4.99, 5.0))]
+    assert [(f.kind, f.size, f.t) for f in found] == [(DefectKind.SKIP, 5.0, (4.99, 5.0))]
 
 
 @pytest.mark.shared

@@ -12,7 +12,7 @@ from fidim_lab.identification.design import cost, limits
 from fidim_lab.identification.design.information import information, judged, precision
 from fidim_lab.identification.design.motions import Motions, Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask
-from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.windows import ReleasedWindow, place
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import conditioning, free_twist_basis, marker_selector
@@ -23,12 +23,14 @@ STEP = 2e-6
 """m, for differences; lengths and displacement alike"""
 
 
-def moved(drawn, z: np.ndarray, near: tuple[Placed, ...]) -> Motions:
+def moved(drawn, z: np.ndarray, near: tuple[ReleasedWindow, ...]) -> Motions:
     placed = [place(drawn.mechanism, drawn.task, one, other.resting) for one, other in zip(z, near, strict=True)]
     return simulate(drawn.mechanism, drawn.task, placed, FINE)
 
 
-def central(drawn, z: np.ndarray, near: tuple[Placed, ...], value: Callable[[Motions], np.ndarray]) -> np.ndarray:
+def central(
+    drawn, z: np.ndarray, near: tuple[ReleasedWindow, ...], value: Callable[[Motions], np.ndarray]
+) -> np.ndarray:
     """(W, …, z): of a quantity of each window by its own z."""
     columns = []
     for k in range(z.shape[1]):

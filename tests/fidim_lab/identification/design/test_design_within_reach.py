@@ -11,7 +11,7 @@ from fidim_lab.identification.design.task import ByWinches
 from fidim_lab.identification.design.within_reach import Some, reached, within_reach
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import planned
 
 WINCHES = ByWinches(WinchLimits(speed=0.5, acceleration=4.0))
@@ -34,7 +34,7 @@ def test_displacements_get_smaller_and_are_in_reach_whatever_damps(drawn, some: 
         size = float(np.linalg.norm(z[4:]) / np.linalg.norm(own[4:]))
         assert 0.09 <= size <= 0.9
         np.testing.assert_allclose(z[4:], size * own[4:])
-        place = Place.at(some.task.mechanism(), z[:4])
+        place = ExcitationPlace.at(some.task.mechanism(), z[:4])
         for damping in (0.08, 0.0):
             known = Knowledge(np.full(2, damping), np.ones(2), np.ones(2), np.full(2, 0.7 * damping))
             bodies = Bodies.around(place.body).others

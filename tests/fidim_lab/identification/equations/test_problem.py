@@ -11,7 +11,7 @@ from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.equations import tls
 from fidim_lab.identification.equations.problem import WindowEquations, build, mass_matrices
 from fidim_lab.identification.motion.measured import measure
-from fidim_lab.identification.motion.recipe import BEST, PAPER, Rows, Variant
+from fidim_lab.identification.motion.recipe import BEST, PAPER, BalanceRows, Variant
 from fidim_lab.identification.motion.surface import free_directions
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import free_twist_basis, marker_selector
@@ -50,7 +50,7 @@ def test_exact_motion_gives_exact_parameters(irma4, exact_motions, true_body):
         (BEST, True, 2e-3),
         (replace(BEST, variant=Variant.SURFACE), True, 2e-3),
         (replace(BEST, variant=Variant.FREE), False, 2e-3),
-        (replace(BEST, rows=Rows.FREE_COORDINATES), False, 5e-3),
+        (replace(BEST, rows=BalanceRows.FREE_COORDINATES), False, 5e-3),
     ],
 )
 def test_noise_free_recordings_give_the_body_back(recorded, true_body, recipe, cluster, within):

@@ -10,7 +10,7 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.calm import Calming, _on_its_cables, _pulls, calmed
 from fidim_lab.identification.excitation.gains import Gains, Look
 from fidim_lab.identification.excitation.motion import at_rest
-from fidim_lab.identification.excitation.place import Place, WinchLimits
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits
 from fidim_lab.identification.excitation.seen import seen_swing
 from fidim_lab.identification.excitation.strokes import Chain, Pattern
 from fidim_lab.model.equilibria import equilibrium_at
@@ -33,7 +33,7 @@ class Swinging:
     """A plant that swings, as a camera sees it."""
 
     robot: Robot
-    place: Place
+    place: ExcitationPlace
     plant: Plant
     last: Swung
     t: float = 0.0
@@ -55,7 +55,7 @@ class Swinging:
 def swinging(robot: Robot, body: Body, size: float) -> Swinging:
     """The slow mode swings by `size` (m); CAD is the robot file's."""
     mechanism = Mechanism(robot, native=True)
-    place, true = Place.at(mechanism, WEAK), Place.at(mechanism, WEAK, body).swing
+    place, true = ExcitationPlace.at(mechanism, WEAK), ExcitationPlace.at(mechanism, WEAK, body).swing
     plant = Plant(make_world(robot, np.random.default_rng(3), (), body=body))
     plant.settle(WEAK)
     pattern = Pattern(0.5 / true.frequencies[0], 3, 0.9)
@@ -112,7 +112,7 @@ def test_where_even_small_strokes_are_too_much_it_is_said(irma4: Robot):
 
 def test_a_wide_swing_is_looked_at_on_its_cables(irma4: Robot):
     """Modes are straight lines: 7 cm along one leaves the cables, which would pull by hundreds of newtons at once."""
-    place = Place.at(Mechanism(irma4, native=True), WEAK)
+    place = ExcitationPlace.at(Mechanism(irma4, native=True), WEAK)
     states = np.array([0.07 / place.swing.lever[0] * np.imag(place.swing.rates[0]) * 1j, 0.0])
     pose, twist = place.swing.motion(states)
     exact, kept = _on_its_cables(place, pose, twist)
@@ -159,7 +159,7 @@ def test_the_rest_at_a_strokes_end_counts(irma4: Robot):
     """An emergency stop may leave the platform there."""
     mechanism = Mechanism(irma4, native=True)
     rest = equilibrium_at(mechanism, irma4.nominal, np.array([1.25, -0.15, -0.2]))
-    place = Place.at(mechanism, rest.lengths)
+    place = ExcitationPlace.at(mechanism, rest.lengths)
     chain = Chain(Pattern(0.3, 2, 0.9), np.array([0.05, 0.0, 0.0, 0.0]))
     low, high = at_rest(place, (chain,))
     still = rest.tensions_in_newton(irma4.mass)

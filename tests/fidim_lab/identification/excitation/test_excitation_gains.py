@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.excitation.gains import Gains, Look
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.strokes import Chain, Pattern
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -18,7 +18,7 @@ from fidim_lab.model.swing import Swing
 def swing(irma4: Robot) -> Swing:
     mechanism = Mechanism(irma4)
     rest = equilibrium_at(mechanism, irma4.nominal, np.array([1.25, -0.15, -0.2]))
-    return Place.at(mechanism, rest.lengths).swing
+    return ExcitationPlace.at(mechanism, rest.lengths).swing
 
 
 def looks(swing: Swing, true: np.ndarray, chain: Chain, size: float) -> tuple[float, Look, Look]:

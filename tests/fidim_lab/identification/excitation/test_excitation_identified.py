@@ -9,7 +9,7 @@ from fidim_lab.data.records import Body, Campaign, Robot
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.excitation.bodies import Bodies, sizes
 from fidim_lab.identification.excitation.identified import CERTAIN, bodies_of
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.model.mechanism import Mechanism
 
 
@@ -42,7 +42,7 @@ def test_what_one_window_leaves_open_leaves_no_frequency_open(irma4: Robot, reco
     rest = lengths.mean(axis=0)
 
     def frequencies(others: tuple[Body, ...]) -> np.ndarray:
-        return np.array([Place.at(mechanism, rest, body).swing.frequencies for body in others])
+        return np.array([ExcitationPlace.at(mechanism, rest, body).swing.frequencies for body in others])
 
     seen = frequencies((bodies.likely,))
     assert np.abs(frequencies(bodies.others) / seen - 1).max() < 0.015

@@ -8,7 +8,7 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.calm import calmed
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
+from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import learnt, seen_swing
 from fidim_lab.model.equilibria import equilibrium_at
@@ -22,17 +22,17 @@ LIMITS = WinchLimits(speed=0.5, acceleration=3.0)
 
 
 @pytest.fixture(scope="module")
-def place(irma4: Robot) -> Place:
+def place(irma4: Robot) -> ExcitationPlace:
     mechanism = Mechanism(irma4, native=True)
     rest = equilibrium_at(mechanism, irma4.nominal, np.array([1.25, -0.15, -0.2]))
-    return Place.at(mechanism, rest.lengths)
+    return ExcitationPlace.at(mechanism, rest.lengths)
 
 
-def world_of(robot: Robot, place: Place, hidden: tuple[HiddenEffect, ...] = ()) -> World:
+def world_of(robot: Robot, place: ExcitationPlace, hidden: tuple[HiddenEffect, ...] = ()) -> World:
     return make_world(robot, np.random.default_rng(3), hidden, body=place.body)
 
 
-def swung(world: World, place: Place, excitation: Excitation, seconds: float = 6.0) -> Swung:
+def swung(world: World, place: ExcitationPlace, excitation: Excitation, seconds: float = 6.0) -> Swung:
     plant = Plant(world)
     held = place.equilibrium.lengths
     plant.settle(held)
@@ -47,12 +47,12 @@ def none_known(damping: float) -> Knowledge:
     return Knowledge(np.full(2, damping), np.ones(2), np.ones(2), np.full(2, damping))
 
 
-def test_no_displacement_is_refused_in_words(place: Place):
+def test_no_displacement_is_refused_in_words(place: ExcitationPlace):
     with pytest.raises(InfeasibleError, match="displacement is zero"):
         planned(place, np.zeros(2))
 
 
-def test_the_plant_swings_as_planned(irma4: Robot, place: Place):
+def test_the_plant_swings_as_planned(irma4: Robot, place: ExcitationPlace):
     wanted = wanted_amplitudes(place, np.array([0.02, 0.01]))
     excitation = planned(place, wanted, none_known(0.0), LIMITS)
     found = swung(world_of(irma4, place), place, excitation)
@@ -67,7 +67,7 @@ def test_the_plant_swings_as_planned(irma4: Robot, place: Place):
     np.testing.assert_allclose(found.tension, np.array(excitation.tension) * mass, rtol=0.05)
 
 
-def test_a_second_try_learns_the_damping(irma4: Robot, place: Place):
+def test_a_second_try_learns_the_damping(irma4: Robot, place: ExcitationPlace):
     wanted = wanted_amplitudes(place, np.array([0.015, 0.01]))
     world = world_of(irma4, place, (HiddenEffect("rotational-drag", None, (("c", 0.15),)),))
     knowledge = none_known(0.0)
@@ -85,7 +85,7 @@ def test_a_second_try_learns_the_damping(irma4: Robot, place: Place):
     np.testing.assert_allclose(np.linalg.norm(seen.amplitudes), np.linalg.norm(second.reached), rtol=0.15)
 
 
-def test_wide_bodies_and_tight_limits_make_the_swing_smaller(irma4: Robot, place: Place):
+def test_wide_bodies_and_tight_limits_make_the_swing_smaller(irma4: Robot, place: ExcitationPlace):
     wanted = wanted_amplitudes(place, np.array([0.05, 0.04]))
     free = planned(place, wanted, none_known(0.0), LIMITS)
     bound = planned(place, wanted, none_known(0.0), LIMITS, Bodies.around(irma4.nominal).others, (45.0, 130.0))
@@ -94,12 +94,12 @@ def test_wide_bodies_and_tight_limits_make_the_swing_smaller(irma4: Robot, place
     assert 45.0 <= bound.tension[0] < bound.tension[1] <= 130.0
 
 
-def test_what_winches_cannot_do_is_refused_in_words(place: Place):
+def test_what_winches_cannot_do_is_refused_in_words(place: ExcitationPlace):
     with pytest.raises(InfeasibleError, match="cannot make the platform swing"):
         planned(place, np.array([0.08, 0.08]), none_known(0.1), WinchLimits(0.02, 0.02))
 
 
-def test_a_second_try_repeats_its_strokes_larger(place: Place):
+def test_a_second_try_repeats_its_strokes_larger(place: ExcitationPlace):
     """What was seen of strokes tells what the same ones do; what others do, the model tells."""
     wanted = wanted_amplitudes(place, np.array([0.01, 0.005]))
     first = planned(place, wanted, none_known(0.02), LIMITS)
@@ -120,7 +120,7 @@ def test_a_second_try_repeats_its_strokes_larger(place: Place):
     assert all(chain.acceleration <= hardly.acceleration for chain in other.chains)
 
 
-def test_winches_take_a_swing_away(irma4: Robot, place: Place):
+def test_winches_take_a_swing_away(irma4: Robot, place: ExcitationPlace):
     wanted = wanted_amplitudes(place, np.array([0.01, 0.008]))
     excitation = planned(place, wanted, none_known(0.0), LIMITS)
     plant, held = Plant(world_of(irma4, place)), place.equilibrium.lengths

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.excite.runs import CLOSE, one, window_of
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.excitation.place import Place
+from fidim_lab.identification.excitation.place import ExcitationPlace
 from fidim_lab.identification.excitation.travel import Trapezoid, Travel, travel, travelled
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -17,15 +17,15 @@ from sim_backends.plant.world import make_world
 
 
 @pytest.fixture(scope="module")
-def places(irma4: Robot) -> tuple[Place, Place]:
+def places(irma4: Robot) -> tuple[ExcitationPlace, ExcitationPlace]:
     mechanism = Mechanism(irma4, native=True)
     spots = (np.array([1.05, -0.3, -0.35]), np.array([1.4, 0.05, -0.15]))
     rests = [equilibrium_at(mechanism, irma4.nominal, spot) for spot in spots]
-    first, second = (Place.at(mechanism, rest.lengths) for rest in rests)
+    first, second = (ExcitationPlace.at(mechanism, rest.lengths) for rest in rests)
     return first, second
 
 
-def swing_left(robot: Robot, places: tuple[Place, Place], move: Travel) -> tuple[float, float]:
+def swing_left(robot: Robot, places: tuple[ExcitationPlace, ExcitationPlace], move: Travel) -> tuple[float, float]:
     """Peak to peak of the plant's marker after the move (m), and its smallest tension (N)."""
     start, goal = (place.equilibrium.lengths for place in places)
     plant = Plant(make_world(robot, np.random.default_rng(1), body=robot.nominal))
@@ -49,7 +49,7 @@ def swing_left(robot: Robot, places: tuple[Place, Place], move: Travel) -> tuple
     return float(np.ptp(seen, axis=0).max()), least
 
 
-def test_a_timed_move_leaves_the_platform_still(irma4: Robot, places: tuple[Place, Place]):
+def test_a_timed_move_leaves_the_platform_still(irma4: Robot, places: tuple[ExcitationPlace, ExcitationPlace]):
     planned = travel(*places, 0.5, 2.0)
     hasty = travelled(*places, 0.5, 2.0)
     still, least = swing_left(irma4, places, planned)
@@ -63,13 +63,13 @@ def test_a_timed_move_leaves_the_platform_still(irma4: Robot, places: tuple[Plac
     assert planned.acceleration <= 2.0 * (1 + 1e-9)
 
 
-def test_a_slow_limit_is_kept_and_no_slower_than_needed(places: tuple[Place, Place]):
+def test_a_slow_limit_is_kept_and_no_slower_than_needed(places: tuple[ExcitationPlace, ExcitationPlace]):
     slow, fast = travel(*places, 0.1, 0.2), travel(*places, 0.4, 2.0)
     assert slow.speed <= 0.1
     assert fast.seconds < slow.seconds
 
 
-def test_moves_that_would_break_tensions_are_refused(places: tuple[Place, Place]):
+def test_moves_that_would_break_tensions_are_refused(places: tuple[ExcitationPlace, ExcitationPlace]):
     rests = np.concatenate([place.equilibrium.tensions_in_newton(place.robot.mass) for place in places])
     robot, tension = places[0].robot, (rests.min() - 0.05, rests.max() + 0.05)
     tight = replace(robot, limits=replace(robot.limits, tension=tension))

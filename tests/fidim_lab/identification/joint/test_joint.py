@@ -15,7 +15,7 @@ from fidim_lab.identification.joint.fit import alone, fit_jointly, fit_some
 from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.identify import JointResult, identify_jointly
 from fidim_lab.identification.joint.sharing import in_common
-from fidim_lab.identification.results.result import Outcome
+from fidim_lab.identification.results.result import ResultOutcome
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import simulate_free_motion
 
@@ -33,7 +33,7 @@ def joint(surveyed: Surveyed) -> JointResult:
 
 
 def test_the_joint_body_is_true_within_its_uncertainty(joint: JointResult, body: Body) -> None:
-    assert joint.result.outcome is Outcome.CONVERGED, joint.result.message
+    assert joint.result.outcome is ResultOutcome.CONVERGED, joint.result.message
     assert np.abs(in_sd(joint, body)).max() < 4
     assert joint.result.noise_ratio == pytest.approx(1.0, abs=0.1)
 
@@ -49,7 +49,7 @@ def test_friction_is_found_at_the_joint_that_has_it(surveyed: Surveyed, body: Bo
     value, sd = found.dissipation["swivel-friction c"]
     assert abs(value - 0.02) < 4 * sd < 0.004
     assert np.abs(in_sd(found, body)).max() < 4
-    assert found.result.outcome is Outcome.CONVERGED, found.result.message
+    assert found.result.outcome is ResultOutcome.CONVERGED, found.result.message
     assert "swivel-friction (c 0.02 N m)" in " ".join(found.result.warnings)
 
 
@@ -189,7 +189,7 @@ def test_exact_geometry_stays_exact(surveyed: Surveyed, base: Robot) -> None:
     found = identify_jointly(on_true, native=True, predict=False)
     assert found.result.geometry is not None
     assert found.result.geometry.moved == ()
-    assert found.result.outcome is Outcome.CONVERGED
+    assert found.result.outcome is ResultOutcome.CONVERGED
 
 
 def test_the_pose_part_of_a_residual_knows_no_marker_that_is_off() -> None:

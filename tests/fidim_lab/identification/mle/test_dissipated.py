@@ -17,7 +17,7 @@ from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.findings import outcome
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.results.result import Outcome
+from fidim_lab.identification.results.result import ResultOutcome
 from fidim_lab.model.mechanism import Mechanism
 
 from .conftest import Record
@@ -79,5 +79,5 @@ def test_a_body_of_which_nothing_is_seen_is_no_answer(four: Robot, record: Recor
     assert outcome(found, figures, ()).answers
     unseen = {name: replace(parameter, seen=False) for name, parameter in figures.parameters.items()}
     ended = outcome(found, replace(figures, parameters=unseen), ())
-    assert ended is Outcome.UNSEEN
+    assert ended is ResultOutcome.UNSEEN
     assert not ended.answers

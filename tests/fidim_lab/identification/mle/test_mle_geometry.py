@@ -11,7 +11,7 @@ from fidim_lab.identification.equations.consistency import can_exist, nearest_ex
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.mle.geometry_words import furthest
-from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, Outcome
+from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, ResultOutcome
 from fidim_lab.identification.survey import as_found, nuisances, prior_sd, typical
 from fidim_lab.model.mechanism import Mechanism
 
@@ -56,9 +56,11 @@ def test_errors_of_a_file_without_survey_are_found_and_counted(campaign: Campaig
     found = identified(wrong)
     assert found.geometry is not None
     assert {one.what for one in found.geometry.moved} == {"anchor", "attachment"}
-    assert believed.outcome is Outcome.MISFIT, "the case must be one that a file believed as exact does not explain"
+    assert believed.outcome is ResultOutcome.MISFIT, (
+        "the case must be one that a file believed as exact does not explain"
+    )
     assert np.abs(errors(found, true_body)).max() < 4
-    assert found.outcome is Outcome.CONVERGED
+    assert found.outcome is ResultOutcome.CONVERGED
     assert any("[survey]" in warning for warning in found.warnings)
 
 

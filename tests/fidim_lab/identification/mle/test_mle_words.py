@@ -21,7 +21,7 @@ from fidim_lab.identification.mle.starts.possible import distance_to_boundary, n
 from fidim_lab.identification.mle.trajectories import stages
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, WindowResidual
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.identification.results.result import Outcome
+from fidim_lab.identification.results.result import ResultOutcome
 from fidim_lab.identification.results.validation import QUICK
 from fidim_lab.model.slots import Effect
 
@@ -184,7 +184,7 @@ def campaign_of(robot, windows):
 
 def test_a_result_has_every_field_of_the_format(four, record, truth):
     result = identify(campaign_of(four, record(four, 4, seconds=3.0)), Method.MLE)
-    assert result.outcome in (Outcome.CONVERGED, Outcome.DOUBTFUL)
+    assert result.outcome in (ResultOutcome.CONVERGED, ResultOutcome.DOUBTFUL)
     table = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert table["method"] == "mle"
     assert list(table["parameters"]) == list(PARAMETER_NAMES)
@@ -211,7 +211,7 @@ def test_missing_physics_is_said_and_not_hidden(four, record):
     windows = record(four, 6, effects=(Drag(),), theta=[0.6])
     windows[0] = replace(windows[0], id="far", markers=1e3 * windows[0].markers)
     result = identify(campaign_of(four, windows), Method.MLE)
-    assert result.outcome is Outcome.MISFIT
+    assert result.outcome is ResultOutcome.MISFIT
     assert not result.outcome.good
     assert any("far is not used" in warning for warning in result.warnings)
     assert any("Something is missing" in warning for warning in result.warnings)
@@ -221,7 +221,7 @@ def test_missing_physics_is_said_and_not_hidden(four, record):
 
 def test_understated_noise_is_seen_as_noise(four, record):
     result = identify(campaign_of(four, record(four, 4, noise=3e-4)), Method.MLE)
-    assert result.outcome is not Outcome.MISFIT
+    assert result.outcome is not ResultOutcome.MISFIT
     assert any(re.search(r"marker noise of 0\.(29|3)\d* mm, the robot file says 0.1 mm", w) for w in result.warnings)
 
 
@@ -230,7 +230,7 @@ def test_the_closing_sentence_follows_the_outcome(four, record):
     assert re.search(
         r"explains the recordings to their noise, and held-out windows with χ²/dof of [01]\.\d", closing(good)
     )
-    assert "fidim explain" in closing(replace(good, outcome=Outcome.MISFIT))
+    assert "fidim explain" in closing(replace(good, outcome=ResultOutcome.MISFIT))
 
 
 def test_windows_need_not_be_predicted(four, record):

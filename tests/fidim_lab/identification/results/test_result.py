@@ -14,7 +14,7 @@ from fidim_lab.identification.equations.problem import build
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.motion.recipe import BEST
 from fidim_lab.identification.motion.trajectory import predict
-from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.result import IdentificationResult, ResultOutcome
 from fidim_lab.identification.results.result_file import read_result, write_result
 from fidim_lab.identification.results.validation import QUICK, expected_sigma_perp
 
@@ -27,7 +27,7 @@ def result(recorded) -> IdentificationResult:
 
 
 def test_a_noisy_campaign_is_identified_within_its_uncertainty(result, true_body):
-    assert result.outcome is Outcome.CONVERGED
+    assert result.outcome is ResultOutcome.CONVERGED
     stated = np.array([max(p.sd, p.spread or 0.0) for p in result.parameters.values()])
     errors = (result.body.vector - true_body.vector) / stated
     assert np.abs(errors).max() < 4

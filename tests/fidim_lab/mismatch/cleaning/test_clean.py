@@ -10,7 +10,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clean import Screened
 from fidim_lab.identification.cleaning.free_motion import WHY
 from fidim_lab.identification.cleaning.removed import Removed
-from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.finding import DefectKind, Finding
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning import clean as clean_module
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
@@ -140,7 +140,10 @@ def test_a_jump_that_a_frozen_run_hides_is_a_fault_up_to_the_end(recorded) -> No
     windows = (campaign.windows[0], replace(window, markers=markers), *campaign.windows[2:])
     _, after = audited(replace(campaign, windows=windows))
     assert not after.contacts
-    assert {(fault.kind, fault.window) for fault in after.faults} >= {(Kind.FROZEN, "i02"), (Kind.JUMP, "i02")}
+    assert {(fault.kind, fault.window) for fault in after.faults} >= {
+        (DefectKind.FROZEN, "i02"),
+        (DefectKind.JUMP, "i02"),
+    }
     kept = after.campaign.windows[1]
     assert np.isnan(kept.markers[kept.t > 3.0]).all()
 
@@ -193,7 +196,7 @@ def explanation(verdict: Verdict) -> Explanation:
 
 def test_verdicts_after_cleaning(recorded) -> None:
     cleaned = clean(recorded())
-    fault = Finding(Kind.SPIKE, "i01", "x", (1.0, 1.0), 0.01, "m", "Window i01: a spike.")
+    fault = Finding(DefectKind.SPIKE, "i01", "x", (1.0, 1.0), 0.01, "m", "Window i01: a spike.")
     faulty = replace(cleaned, faults=(fault,))
     touched = replace(faulty, contacts=(Contact("i02", 1.0, 2.0, 9.0, 0.2), Contact("i02", 4.0, 5.0, 9.0, 0.2)))
     assert with_cleaning(explanation(Verdict.NOTHING_MISSING), cleaned).verdict is Verdict.NOTHING_MISSING
@@ -227,7 +230,9 @@ def test_what_has_no_name_and_no_force_does_is_put_down_to_sensors_that_are_know
     recorded, faults: int, contradicted: bool, verdict: Verdict
 ) -> None:
     cleaned = clean(recorded())
-    spikes = [Finding(Kind.SPIKE, "i01", "x", (t, t), 0.01, "m", "Window i01: a spike.") for t in range(1, faults + 1)]
+    spikes = [
+        Finding(DefectKind.SPIKE, "i01", "x", (t, t), 0.01, "m", "Window i01: a spike.") for t in range(1, faults + 1)
+    ]
     redundancy = tuple(replace(one, contradicts=contradicted) for one in cleaned.screening.redundancy)
     screening = replace(cleaned.screening, redundancy=redundancy)
     told = with_cleaning(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Window
-from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.finding import DefectKind, Finding
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
@@ -77,7 +77,7 @@ def test_a_sample_that_is_off_stays_out_and_one_that_is_not_comes_back(touched: 
     markers[200, 0, 0] += 0.002
     spiky = replace(windows["i03"], markers=markers)
     before = replace(cleaned, campaign=_with(campaign, spiky))
-    spikes = tuple(Finding(Kind.SPIKE, name, "x", (2.0, 2.0), 0.002, "m", "A spike.") for name in ("i03", "i05"))
+    spikes = tuple(Finding(DefectKind.SPIKE, name, "x", (2.0, 2.0), 0.002, "m", "A spike.") for name in ("i03", "i05"))
     after = replace(
         before, campaign=_with(_with(campaign, _without_row(spiky)), _without_row(windows["i05"])), faults=spikes
     )
@@ -95,7 +95,7 @@ def test_screening_is_overruled_by_a_model_that_follows_the_samples(irma4: Robot
     markers[200, 0, 0] += 0.002
     seen = _with(campaign, replace(windows["i03"], markers=markers))
     model = fit_baseline(campaign, native=False, say=lambda _: None).as_it_is
-    faults = tuple(Finding(Kind.SPIKE, name, "x", (2.0, 2.0), 0.002, "m", "A spike.") for name in ("i03", "i05"))
+    faults = tuple(Finding(DefectKind.SPIKE, name, "x", (2.0, 2.0), 0.002, "m", "A spike.") for name in ("i03", "i05"))
     screened = clean(campaign)
     lacking = _with(_with(campaign, _without_row(windows["i03"])), _without_row(windows["i05"]))
     cleaned = replace(screened, campaign=lacking, faults=faults)

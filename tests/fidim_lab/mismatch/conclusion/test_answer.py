@@ -8,19 +8,19 @@ from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.mismatch.conclusion.answer import with_answer
 from fidim_lab.mismatch.conclusion.explanation import (
-    Answer,
     Before,
+    ClassMember,
     EffectParameter,
     Explanation,
-    Member,
     NamedCause,
     OpenedOnce,
+    ShortAnswer,
     Verdict,
 )
 
 DRY = {"c": EffectParameter(0.01, 2e-4, "N m")}
 SWIVEL = NamedCause("swivel-friction", None, (), DRY, "says", single=True)
-ROTATION = Member("rotational-drag", None, 1.2, {"c": EffectParameter(0.03, None, "N m s")})
+ROTATION = ClassMember("rotational-drag", None, 1.2, {"c": EffectParameter(0.03, None, "N m s")})
 EITHER = replace(SWIVEL, equivalent_to=("rotational-drag",), members=(ROTATION,), single=False)
 ANCHOR = NamedCause("anchor-offset", 2, (), {"dx": EffectParameter(0.03, float("nan"), "m")}, "says", single=True)
 
@@ -31,7 +31,7 @@ def explanation(verdict: Verdict, *effects: NamedCause, next_experiment: str | N
     )
 
 
-def answer(told: Explanation) -> Answer:
+def answer(told: Explanation) -> ShortAnswer:
     found = with_answer(told).answer
     assert found is not None
     assert sum(len(said.split()) for _, said in found.parts) < 120

@@ -7,7 +7,7 @@ import pytest
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.fitting.holdout import HeldOut
-from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
 WORDS = ("It repeats every 0.2 s: 0.65 N.",)
 
@@ -18,7 +18,7 @@ def held(chi2_per_dof: float) -> HeldOut:
 
 @pytest.mark.parametrize(("after", "told"), [(5.4, True), (5.6, False)])
 def test_a_wrench_that_takes_less_than_half_is_not_described(after: float, told: bool) -> None:
-    wrench = Unknown(("a term",), 0.9, held(10.0), held(after), WORDS, None, (), (), None, 1.0)  # type: ignore[arg-type]
+    wrench = UnknownForce(("a term",), 0.9, held(10.0), held(after), WORDS, None, (), (), None, 1.0)  # type: ignore[arg-type]
     model = SimpleNamespace(mechanism=SimpleNamespace(springs=False))
     base = Explanation(
         "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(10.0, 10.0), Before(1.0, 1.0), (), {}, {}, None, "Missing.", 1.0

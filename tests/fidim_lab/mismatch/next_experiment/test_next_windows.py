@@ -20,19 +20,19 @@ from fidim_lab.identification.design import pool
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.mismatch.next_experiment.next_windows import to_know, to_separate
-from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Trial
-from fidim_lab.mismatch.next_experiment.separate import Known, completed, evidence, separating, with_markers
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, ProposedTrial
+from fidim_lab.mismatch.next_experiment.separate import KnownRobot, completed, evidence, separating, with_markers
 
 
 @pytest.fixture(scope="module")
-def trials(irma4: Robot) -> list[Trial]:
+def trials(irma4: Robot) -> list[ProposedTrial]:
     task = DesignTask(irma4, equilibria=1)
     mechanism = task.mechanism()
     drawn = pool.draw(mechanism, task, 12, np.random.default_rng(4), lambda _: None)
-    return [Trial(z[:4], z[4:], place(mechanism, task, z).start) for z in drawn.z]
+    return [ProposedTrial(z[:4], z[4:], place(mechanism, task, z).start) for z in drawn.z]
 
 
-def campaign_of(robot: Robot, trials: list[Trial]) -> Campaign:
+def campaign_of(robot: Robot, trials: list[ProposedTrial]) -> Campaign:
     task = DesignTask(robot, equilibria=1)
     mechanism = task.mechanism()
     t = np.arange(0, 1, 0.01)
@@ -47,24 +47,24 @@ def campaign_of(robot: Robot, trials: list[Trial]) -> Campaign:
     return Campaign("c", robot, 100.0, tuple(windows))
 
 
-def test_more_windows_separate_an_anchor_from_a_length(irma4: Robot, trials: list[Trial]):
+def test_more_windows_separate_an_anchor_from_a_length(irma4: Robot, trials: list[ProposedTrial]):
     claim = Claim("cable-length-bias", 2, (2e-3,), ("anchor-offset",))
-    found = separating(Known(irma4, trials[:2]), claim, trials[2:], more=4)
+    found = separating(KnownRobot(irma4, trials[:2]), claim, trials[2:], more=4)
     values = [found.before.non_centrality, *(odds.non_centrality for odds in found.after)]
     assert all(b > a for a, b in pairwise(values))
     # the first proposal is the best of all single ones
     for one in trials[2:5]:
-        alone = separating(Known(irma4, trials[:2]), claim, [one], more=1)
+        alone = separating(KnownRobot(irma4, trials[:2]), claim, [one], more=1)
         assert alone.after[0].non_centrality <= found.after[0].non_centrality * (1 + 1e-9)
     odds = found.after[-1]
     assert odds.probability == pytest.approx(ncx2.sf(10.0, 1, odds.non_centrality))
     assert odds.rival in found.says
 
 
-def test_twice_the_effect_is_four_times_as_clear_and_noise_undoes_it(irma4: Robot, trials: list[Trial]):
+def test_twice_the_effect_is_four_times_as_clear_and_noise_undoes_it(irma4: Robot, trials: list[ProposedTrial]):
     def clear(size: float, noise: float = 1.0) -> float:
         claim = Claim("rotational-drag", None, (size,), ("swivel-damping",))
-        known = Known(irma4, trials[:1], noise=noise)
+        known = KnownRobot(irma4, trials[:1], noise=noise)
         return separating(known, claim, trials[1:2], more=1).before.non_centrality
 
     assert clear(0.02) == pytest.approx(4 * clear(0.01), rel=1e-6)
@@ -72,7 +72,7 @@ def test_twice_the_effect_is_four_times_as_clear_and_noise_undoes_it(irma4: Robo
 
 
 @pytest.mark.slow
-def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, trials: list[Trial]):
+def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, trials: list[ProposedTrial]):
     claim = Claim("gravity-tilt", None, (2e-3, 1e-3), ("constant-force",))
     found = to_separate(campaign_of(irma4, trials[:3]), [claim])[0]
     assert not found.separates
@@ -80,21 +80,21 @@ def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, tri
     assert found.after[-1].probability < 0.1
 
 
-def test_a_clock_is_a_force_upwards_to_the_last_digit_that_matters(irma4: Robot, trials: list[Trial]):
+def test_a_clock_is_a_force_upwards_to_the_last_digit_that_matters(irma4: Robot, trials: list[ProposedTrial]):
     claim = Claim("clock-rate", None, (3e-3,), ("constant-force",))
     lengths, aside = np.array([1.5975, 0.523, 1.56, 2.1413]), np.array([0.0346, 0.0038])  # it swings quickly there
     task = DesignTask(irma4, equilibria=1)
-    quick = Trial(lengths, aside, place(task.mechanism(), task, np.concatenate([lengths, aside])).start)
+    quick = ProposedTrial(lengths, aside, place(task.mechanism(), task, np.concatenate([lengths, aside])).start)
     for some in (trials, [*trials[:3], quick]):
-        assert evidence(Known(irma4, some), claim) > 100.0
-        assert separating(Known(irma4, some), claim, []).before.non_centrality < 1.0
+        assert evidence(KnownRobot(irma4, some), claim) > 100.0
+        assert separating(KnownRobot(irma4, some), claim, []).before.non_centrality < 1.0
 
 
-def test_what_has_no_score_is_refused_by_name(irma4: Robot, trials: list[Trial]):
+def test_what_has_no_score_is_refused_by_name(irma4: Robot, trials: list[ProposedTrial]):
     with pytest.raises(InfeasibleError, match="hand-contact"):
-        separating(Known(irma4, trials[:1]), Claim("hand-contact", None, (1.0,), ("constant-force",)), trials[1:2])
+        separating(KnownRobot(irma4, trials[:1]), Claim("hand-contact", None, (1.0,), ("constant-force",)), trials[1:2])
     with pytest.raises(InfeasibleError, match="none of its rivals"):
-        separating(Known(irma4, trials[:1]), Claim("rotational-drag", None, (0.1,), ("unknown",)), trials[1:2])
+        separating(KnownRobot(irma4, trials[:1]), Claim("rotational-drag", None, (0.1,), ("unknown",)), trials[1:2])
 
 
 def test_three_markers_are_three_in_general_position(irma4: Robot):
@@ -105,24 +105,24 @@ def test_three_markers_are_three_in_general_position(irma4: Robot):
     assert with_markers(with_markers(one)).markers.shape == markers.shape
 
 
-def test_markers_of_further_windows_tell_nothing_of_those_recorded(irma4: Robot, trials: list[Trial]):
+def test_markers_of_further_windows_tell_nothing_of_those_recorded(irma4: Robot, trials: list[ProposedTrial]):
     robot = replace(irma4, extra_markers=())
     claim = Claim("cable-length-bias", 2, (2e-3,), ("anchor-offset",))
-    plain = separating(Known(robot, trials[:3]), claim, trials[3:5], more=2)
-    marked = separating(Known(robot, trials[:3], marked=with_markers(robot)), claim, trials[3:5], more=2)
+    plain = separating(KnownRobot(robot, trials[:3]), claim, trials[3:5], more=2)
+    marked = separating(KnownRobot(robot, trials[:3], marked=with_markers(robot)), claim, trials[3:5], more=2)
     assert marked.before.non_centrality == pytest.approx(plain.before.non_centrality, rel=1e-6)
     assert marked.after[-1].non_centrality > plain.after[-1].non_centrality
     assert (plain.markers, marked.markers) == (1, 3)
 
 
-def test_after_a_result_the_window_that_tells_most(irma4: Robot, trials: list[Trial]):
+def test_after_a_result_the_window_that_tells_most(irma4: Robot, trials: list[ProposedTrial]):
     found = to_know(campaign_of(irma4, trials[:2]))
     assert (found.sd_after <= found.sd_before * (1 + 1e-9)).all()
     assert found.sd_after.sum() < 0.9 * found.sd_before.sum()
 
 
 def test_command_writes_a_plan_that_runs(
-    irma4: Robot, trials: list[Trial], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    irma4: Robot, trials: list[ProposedTrial], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     campaign = campaign_of(irma4, trials[:2])
     write_robot(tmp_path / "robot.toml", irma4)
@@ -183,7 +183,7 @@ def test_command_writes_a_plan_that_runs(
 
 
 @pytest.fixture
-def explained(irma4: Robot, trials: list[Trial], tmp_path: Path) -> AfterOptions:
+def explained(irma4: Robot, trials: list[ProposedTrial], tmp_path: Path) -> AfterOptions:
     """A campaign, and an explanation that leaves a tilt in question."""
     write_robot(tmp_path / "robot.toml", irma4)
     write_campaign(tmp_path, campaign_of(irma4, trials[:2]))
@@ -247,27 +247,29 @@ def test_odds_know_what_is_clear():
     assert not Odds("x", 4.0, 0.2).clear
 
 
-def test_all_rivals_that_the_recorded_windows_leave_open_are_asked_about(irma4: Robot, trials: list[Trial]):
+def test_all_rivals_that_the_recorded_windows_leave_open_are_asked_about(irma4: Robot, trials: list[ProposedTrial]):
     """An explanation names the nearest few; the window that tells from these alone may leave another in the place."""
-    faint = completed(Known(irma4, trials[:2]), Claim("rotational-drag", None, (5e-5,), ("umbilical",)))
+    faint = completed(KnownRobot(irma4, trials[:2]), Claim("rotational-drag", None, (5e-5,), ("umbilical",)))
     assert faint.rivals == ("umbilical",)
     assert {"swivel-damping", "attachment-friction"} <= set(faint.open)
     assert "umbilical" not in faint.open
-    evident = completed(Known(irma4, trials[:2]), Claim("rotational-drag", None, (0.05,), ("umbilical",)))
+    evident = completed(KnownRobot(irma4, trials[:2]), Claim("rotational-drag", None, (0.05,), ("umbilical",)))
     assert not evident.open, "what these windows exclude is no rival"
 
 
-def test_a_rival_needs_a_size_that_is_possible(irma4: Robot, trials: list[Trial]):
+def test_a_rival_needs_a_size_that_is_possible(irma4: Robot, trials: list[ProposedTrial]):
     """No damping pushes: one that would have to is told from a drag of the other sign by any window."""
     drag = Claim("rotational-drag", None, (5e-4,), ("swivel-damping",))
     pushing = replace(drag, theta=(-5e-4,))
-    told, opposite = (separating(Known(irma4, trials[:2]), one, []).before.non_centrality for one in (drag, pushing))
+    told, opposite = (
+        separating(KnownRobot(irma4, trials[:2]), one, []).before.non_centrality for one in (drag, pushing)
+    )
     assert opposite > 10 * told
 
 
-def test_rivals_that_no_window_excludes_are_set_aside(irma4: Robot, trials: list[Trial]):
+def test_rivals_that_no_window_excludes_are_set_aside(irma4: Robot, trials: list[ProposedTrial]):
     claim = Claim("gravity-tilt", None, (2e-3, 1e-3), ("constant-force", "frame-misalignment"))
-    found = separating(Known(irma4, trials[:1]), claim, trials[1:6], more=3)
+    found = separating(KnownRobot(irma4, trials[:1]), claim, trials[1:6], more=3)
     assert found.separates
     assert found.beyond == ("constant-force",)
     assert found.after[-1].rival == "frame-misalignment"
@@ -275,7 +277,7 @@ def test_rivals_that_no_window_excludes_are_set_aside(irma4: Robot, trials: list
 
 
 @pytest.mark.slow
-def test_a_claim_without_odds_does_not_hide_the_others(irma4: Robot, trials: list[Trial]):
+def test_a_claim_without_odds_does_not_hide_the_others(irma4: Robot, trials: list[ProposedTrial]):
     hand = Claim("hand-contact", None, (1.0,), ("constant-force",))
     bias = Claim("cable-length-bias", 2, (5e-3,), ("anchor-offset",))
     none, some = to_separate(campaign_of(irma4, trials[:2]), [hand, bias])

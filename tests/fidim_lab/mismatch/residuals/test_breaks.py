@@ -7,15 +7,15 @@ import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.identification.data_checks.screening import screen
-from fidim_lab.identification.markers.displaced import Limits
-from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.displaced import ScoreLimits
+from fidim_lab.identification.markers.finding import DefectKind, Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.off_motion import without_breaks
 from fidim_lab.mismatch.residuals.break_rivals import Break, judge
 from fidim_lab.mismatch.residuals.breaks import breaks_of
 from fidim_lab.mismatch.residuals.residual import Leftover
 
-LIMITS = Limits.for_tests(20_000)
+LIMITS = ScoreLimits.for_tests(20_000)
 RATES = [50.0, 100.0, 200.0]
 
 
@@ -80,7 +80,7 @@ def test_a_sample_too_faint_for_any_marker_is_taken_from_one_known_to_be_faulty(
     values = residual(100.0, size=0.0)
     values[333, 0] = 5.5
     assert not breaks_of(values, 0.01, LIMITS).spikes
-    assert breaks_of(values, 0.01, LIMITS, spikes=Limits(4.2, 4.7)).spikes == (333,)
+    assert breaks_of(values, 0.01, LIMITS, spikes=ScoreLimits(4.2, 4.7)).spikes == (333,)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -144,7 +144,7 @@ def test_what_follows_a_step_becomes_missing_of_that_marker_alone(cleaned: Clean
     np.testing.assert_array_equal(gone[:, 1], np.arange(1000) >= 600)
     assert after.campaign.windows[1] is cleaned.campaign.windows[1]
     (fault,) = after.faults
-    assert (fault.kind, fault.window, fault.channel) == (Kind.JUMP, "w1", "m2z")
+    assert (fault.kind, fault.window, fault.channel) == (DefectKind.JUMP, "w1", "m2z")
     assert fault.size == pytest.approx(9 * NOISE, rel=0.2)
     assert "marker 2 jumps by 0.87" in fault.says
 
@@ -163,7 +163,7 @@ def test_a_marker_with_many_spikes_is_looked_at_more_closely(cleaned: Cleaned) -
     values = cleaned.campaign.windows[0].markers / NOISE - 1000.0
     values[700, 0, 1] = 5.5
     assert without_breaks(cleaned, [left(cleaned, values)]) is cleaned
-    spikes = tuple(Finding(Kind.SPIKE, "w2", "y", (k, k), 1e-3, "m", "off") for k in range(5))
+    spikes = tuple(Finding(DefectKind.SPIKE, "w2", "y", (k, k), 1e-3, "m", "off") for k in range(5))
     after = without_breaks(replace(cleaned, faults=spikes), [left(cleaned, values)])
     assert [fault.t for fault in after.faults[5:]] == [(7.0, 7.0)]
     assert np.isnan(after.campaign.windows[0].markers[700, 0]).all()
@@ -174,7 +174,9 @@ def test_a_marker_that_jumped_in_other_windows_is_expected_to_at_the_same_time(c
     values[600:, 0, 0] += 2.4
     assert without_breaks(cleaned, [left(cleaned, values)]) is cleaned
     for times, found in (((5.9, 6.0, 6.06), 6.0), ((5.0, 6.0, 7.0), None)):
-        jumps = [Finding(Kind.JUMP, f"w{k + 2}", "y", (time, 10.0), 1e-3, "m", "off") for k, time in enumerate(times)]
+        jumps = [
+            Finding(DefectKind.JUMP, f"w{k + 2}", "y", (time, 10.0), 1e-3, "m", "off") for k, time in enumerate(times)
+        ]
         after = without_breaks(replace(cleaned, faults=tuple(jumps)), [left(cleaned, values)])
         assert [fault.t[0] for fault in after.faults[3:] if fault.t] == ([] if found is None else [found])
 

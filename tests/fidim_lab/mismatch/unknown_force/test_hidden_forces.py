@@ -17,7 +17,7 @@ from fidim_lab.data.records import Campaign, Robot, Role
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.unknown_force.family import Dependence
-from fidim_lab.mismatch.unknown_force.unknown import Unknown, model_unknown
+from fidim_lab.mismatch.unknown_force.unknown import UnknownForce, model_unknown
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import HiddenEffect, parse_effect
 from sim_backends.plant.mechanics import terms
@@ -140,7 +140,7 @@ def hidden_campaign(
         return simulate_campaign(robot, plan, world, rng, recording=Sampling(seconds))[0]
 
 
-def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
+def explored(campaign: Campaign) -> tuple[Fit, UnknownForce]:
     """The baseline and the unknown of a campaign."""
     base = fit(Mechanism(campaign.robot, native=True), campaign.of_role(Role.IDENTIFY))
     return base, model_unknown(base, campaign.of_role(Role.VALIDATE))

@@ -14,7 +14,7 @@ from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdi
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.whole_motion.common_part import rigid
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
-from fidim_lab.mismatch.whole_motion.search import Outcome, search
+from fidim_lab.mismatch.whole_motion.search import SearchOutcome, search
 from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds, taken
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
@@ -72,12 +72,12 @@ def campaign(irma4: Robot) -> Campaign:
 
 
 @pytest.fixture(scope="module")
-def outcome(campaign: Campaign) -> Outcome:
+def outcome(campaign: Campaign) -> SearchOutcome:
     return search(campaign, rigid(campaign, Mechanism(campaign.robot, native=True)), lambda _: None)
 
 
 @pytest.mark.slow
-def test_friction_is_named_beside_a_geometry_that_is_open(outcome: Outcome):
+def test_friction_is_named_beside_a_geometry_that_is_open(outcome: SearchOutcome):
     best = outcome.best
     kinds = {shared_by([h.effect.id]) for h in best.terms}
     assert "dissipation of rotation" in kinds, best.label
@@ -86,7 +86,7 @@ def test_friction_is_named_beside_a_geometry_that_is_open(outcome: Outcome):
 
 
 @pytest.mark.slow
-def test_what_is_named_predicts_windows_that_no_fit_has_seen(outcome: Outcome):
+def test_what_is_named_predicts_windows_that_no_fit_has_seen(outcome: SearchOutcome):
     assert taken(outcome.base, outcome.best) > 0.8
     assert chance(outcome.best, outcome.base) < 0.05
     assert excludes(outcome.best, outcome.base)
@@ -95,7 +95,7 @@ def test_what_is_named_predicts_windows_that_no_fit_has_seen(outcome: Outcome):
 
 
 @pytest.mark.slow
-def test_bodies_lie_within_the_stated_spread(outcome: Outcome, irma4: Robot):
+def test_bodies_lie_within_the_stated_spread(outcome: SearchOutcome, irma4: Robot):
     """The true body is the world's; what is left counts as noise of few values, so that ± cover it."""
     true = make_world(irma4, np.random.default_rng(7), ()).body.vector
     off = (outcome.best.found.values[:9] - true) / outcome.best.sd(outcome.temper)[:9]

@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import likelihood_of
-from fidim_lab.identification.mle.held_out import Prediction, predict, predict_all
+from fidim_lab.identification.mle.held_out import HeldOutPrediction, predict, predict_all
 from fidim_lab.identification.mle.starts.start import first_guess, first_guesses
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
 from fidim_lab.identification.mle.trajectories.normal import Prior, own_steps, step
@@ -72,7 +72,7 @@ def test_one_window_that_contradicts_its_lengths_leaves_the_others_be(recorded):
     assert isinstance(found[1], RefusedError)
     assert wrong.window.id in str(found[1])
     for prediction, recording in ((found[0], recordings[0]), (found[2], recordings[2])):
-        assert isinstance(prediction, Prediction)
+        assert isinstance(prediction, HeldOutPrediction)
         alone = predict(mechanism, shared, recording, robot.sensors)
         assert prediction.remainder.chi2 == pytest.approx(alone.remainder.chi2, rel=1e-6)
 
