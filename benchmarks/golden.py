@@ -91,7 +91,7 @@ def answers(case: Small) -> dict[str, Any]:
     for table in (explained, *found.values()):
         del table["seconds"]
     for row in explained["ranking"]:
-        del row["forms"]  # of the same effects, for people
+        del row["forms"], row["lost"]  # of the same effects and figures, for people
     whole = json.loads(json.dumps(finite({"explanation": explained, "results": found})))
     return _rounded(whole)
 

@@ -114,7 +114,7 @@ class Explained:
         return pd.DataFrame(rows, columns=["effect", "cable", "parameter", "value", "sd", "unit"])
 
     def ranking(self) -> pd.DataFrame:
-        """A row a model that was tried: model, effects, held_out_chi2_per_dof, plausible, why."""
+        """A row a model that was tried: model, effects, held_out_chi2_per_dof, plausible, why, lost (in words)."""
         rows = [{"model": one.name, **vars(one)} for one in self.explanation.ranking]
         return pd.DataFrame(rows).drop(columns="forms")
 

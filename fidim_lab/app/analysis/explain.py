@@ -94,7 +94,7 @@ def ranking_table(explanation: Explanation) -> Table:
     table.add_column("why")
     for ranked in explanation.ranking:
         held = "–" if ranked.held_out_chi2_per_dof is None else plain(ranked.held_out_chi2_per_dof, 4)
-        table.add_row(ranked.name, held, "yes" if ranked.plausible else "no", escape(ranked.why))
+        table.add_row(ranked.name, held, "yes" if ranked.plausible else "no", escape(ranked.told))
     return table
 
 

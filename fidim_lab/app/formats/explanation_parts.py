@@ -55,6 +55,12 @@ class RankedTable(ExplanationPart):
     plausible: bool
     why: str = ""
     forms: str = ""
+    lost: str = ""
+
+    @property
+    def told(self) -> str:
+        """Why it lost; the figures of the one that is named."""
+        return self.lost or self.why
 
     @property
     def name(self) -> str:

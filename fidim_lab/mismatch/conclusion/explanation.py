@@ -132,6 +132,13 @@ class Ranked:
     why: str
     forms: str = ""
     """the effects with their forms ("swivel-friction (giving way)"), where these are known"""
+    lost: str = ""
+    """why it lost against the model that is named, in a line; empty for that model"""
+
+    @property
+    def told(self) -> str:
+        """Why it lost; the figures of the one that is named."""
+        return self.lost or self.why
 
     @property
     def name(self) -> str:

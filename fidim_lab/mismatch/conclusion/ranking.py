@@ -6,8 +6,8 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.conclusion.explanation import Ranked
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
+from fidim_lab.mismatch.conclusion.why_lost import forms, names, why_lost, why_lost_early, why_not_fitted
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
-from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.selection.candidates import Candidate, common_scale
 from fidim_lab.mismatch.selection.select import Selection
@@ -16,23 +16,21 @@ from fidim_lab.mismatch.selection.select import Selection
 def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranked, ...]:
     """Models of whole windows, the best by held-out χ² first; then of the first seconds; then what was only scored."""
     fitted = [_ranked(candidate, named, context) for candidate in found.tried]
-    known = {_key(candidate.model.tried) for candidate in found.tried}
+    known = {names(candidate.model) for candidate in found.tried}
     brief: dict[tuple[str, ...], Ranked] = {}
     for model in _best_first(found.passing):
-        names = tuple(_name(h.effect) for h in model.tried)
-        if _key(model.tried) not in known and names not in brief and len(brief) < CONCLUSION.ranking_briefly:
-            brief[names] = _fitted_briefly(names, model, context)
+        effects = tuple(_name(h.effect) for h in model.tried)
+        if names(model) not in known and effects not in brief and len(brief) < CONCLUSION.ranking_briefly:
+            brief[effects] = _fitted_briefly(effects, model, found, named, context)
     scored: list[Ranked] = []
     seen: set[object] = set()
     for score in found.first.singles:
         effect = score.tried[0].effect
-        listed = _key(score.tried) in known or (_name(effect),) in brief
+        listed = (score.tried[0].label,) in known or (_name(effect),) in brief
         if effect in seen or listed or len(scored) == CONCLUSION.ranking_listed:
             continue
         seen.add(effect)
-        scored.append(
-            Ranked((_name(effect),), None, _possible(score, context) is None, _why_not_fitted(score), effect.label)
-        )
+        scored.append(_scored(score, found, named, context))
     return (*fitted, *brief.values(), *scored)
 
 
@@ -42,11 +40,14 @@ def _best_first(models: Sequence[Completed]) -> list[Completed]:
     return sorted(models, key=lambda model: -evidence(model, models[0], scale))
 
 
-def _fitted_briefly(names: tuple[str, ...], model: Completed, context: Context) -> Ranked:
+def _fitted_briefly(
+    effects: tuple[str, ...], model: Completed, found: Selection, named: Candidate, context: Context
+) -> Ranked:
     possible, limits = _limits(model, context)
     seconds = float(model.fit.journey.ends.max())
     why = f"χ²/dof {model.fit.chi2_per_dof:.3f} of the first {seconds:.2g} s; not fitted to whole windows.{limits}"
-    return Ranked(names, None, possible, why, _forms(model))
+    lost = why_lost_early(model, found, named, possible=possible)
+    return Ranked(effects, None, possible, why, forms(model), lost)
 
 
 def _limits(model: Completed, context: Context) -> tuple[bool, str]:
@@ -65,24 +66,16 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
     why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {unseen}. "
     why += f"{candidate.whiteness.says}{limits}"
     effects = tuple(_name(h.effect) for h in model.tried)
-    return Ranked(effects, held.chi2_per_dof if held.dof else None, possible, why, _forms(model))
+    lost = why_lost(candidate, named, possible=possible)
+    return Ranked(effects, held.chi2_per_dof if held.dof else None, possible, why, forms(model), lost)
 
 
-def _why_not_fitted(score: Score) -> str:
-    return f"by score it takes {max(score.gain, 0.0):.0f} off χ² (log-evidence {score.log_evidence:.0f}); not fitted"
-
-
-def _possible(score: Score, context: Context) -> str | None:
+def _scored(score: Score, found: Selection, named: Candidate, context: Context) -> Ranked:
     tried = score.tried[0]
-    return tried.effect.plausible(tried.theta(score.theta[0]), context)
-
-
-def _key(tried: Sequence[Hypothesis]) -> tuple[str, ...]:
-    return tuple(sorted(h.label for h in tried))
-
-
-def _forms(model: Completed) -> str:
-    return " + ".join(h.effect.label for h in model.tried)
+    possible = tried.effect.plausible(tried.theta(score.theta[0]), context) is None
+    why = f"by score it takes {max(score.gain, 0.0):.0f} off χ² (log-evidence {score.log_evidence:.0f}); not fitted"
+    lost = why_not_fitted(score, found, named)
+    return Ranked((_name(tried.effect),), None, possible, why, tried.effect.label, lost)
 
 
 def _name(effect: NamedEffect) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle.evidence import GeometryOdds
+from fidim_lab.identification.mle.evidence import ODDS, GeometryOdds
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
@@ -25,6 +25,7 @@ from fidim_lab.mismatch.conclusion.explanation import (
 )
 from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
+from fidim_lab.mismatch.conclusion.why_lost import odds_against
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
 from fidim_lab.mismatch.whole_motion.search import SearchOutcome, search
@@ -156,7 +157,17 @@ def _ranked(one: WholeModel, outcome: SearchOutcome) -> Ranked:
     why += f", held out {millimetres(one.held_out):.2g} mm" if one.is_predicted else ""
     why += "." if one is outcome.best else f"; {abs(behind):.0f} nats {'less' if behind > 0 else 'more'} evident."
     chi2 = one.chi2_per_dof if one.is_predicted else np.nan
-    return Ranked(tuple(names), chi2 if np.isfinite(chi2) else None, True, why)
+    lost = "" if one is outcome.best else _why_lost(one, behind, outcome)
+    return Ranked(tuple(names), chi2 if np.isfinite(chi2) else None, True, why, lost=lost)
+
+
+def _why_lost(one: WholeModel, behind: float, outcome: Outcome) -> str:
+    """A line for people."""
+    best = outcome.best
+    if behind <= -ODDS:
+        return "It fits better, but predicts held-out windows no better."
+    name = " + ".join(h.label for h in best.terms) or "nothing left out"
+    return odds_against(behind, name, further=one.size > best.size)
 
 
 def _opened_once(outcome: SearchOutcome, campaign: Campaign) -> OpenedOnce | None:

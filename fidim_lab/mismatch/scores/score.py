@@ -160,7 +160,7 @@ def _reduced_gram(compute: Callable[[], ResidualColumns], steady: int) -> tuple[
 
 def single_scores(found: Projected, context: Context) -> tuple[Score, ...]:
     """Every hypothesis alone, the most evident first."""
-    return _sorted(_score(found, (k,), context) for k in range(len(found.tried)))
+    return _sorted(score_together(found, (k,), context) for k in range(len(found.tried)))
 
 
 def pair_scores(found: Projected, context: Context, most: int = 12) -> tuple[Score, ...]:
@@ -176,7 +176,7 @@ def pair_scores(found: Projected, context: Context, most: int = 12) -> tuple[Sco
     for hope, pair in hopes:
         if len(scores) >= most and hope < sorted(score.log_evidence for score in scores)[-most]:
             break
-        scores.append(_score(found, pair, context))
+        scores.append(score_together(found, pair, context))
         if len(scores) == SCORES.longest_look:
             break
     return _sorted(scores)[:most]
@@ -216,7 +216,8 @@ def _sorted(scores: Iterable[Score]) -> tuple[Score, ...]:
     return tuple(sorted(scores, key=lambda score: -score.log_evidence))
 
 
-def _score(found: Projected, members: tuple[int, ...], context: Context) -> Score:
+def score_together(found: Projected, members: tuple[int, ...], context: Context) -> Score:
+    """Of some hypotheses (indices into `found.tried`) at once, each within its bounds."""
     tried = tuple(found.tried[k] for k in members)
     theta, gain = _best(found, members, context)
     parts = np.split(theta, np.cumsum([len(h.scored) for h in tried])[:-1])

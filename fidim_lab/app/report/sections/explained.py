@@ -117,7 +117,7 @@ def ranking_table(found: ExplanationTable) -> ReportTable:
             one.name,
             short(one.held_out_chi2_per_dof),
             "✓ possible" if one.plausible else "✗ impossible",
-            one.why,
+            f"{one.lost} {one.why}".strip(),
         )
         for one in found.ranking
     ]

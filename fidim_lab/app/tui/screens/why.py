@@ -84,5 +84,5 @@ def _ranking(found: ShownExplanation, width: int) -> list[Line]:
         begin = f"  {left(tried.name, 38)}{right(_short(tried.held_out_chi2_per_dof), 10)}  "
         mark = Span("✓ yes" if tried.plausible else "✗ no ", "good" if tried.plausible else "dim")
         rest = max(width - len(begin) - 7, 0)
-        rows.append(line(begin, mark, Span(f"  {left(tried.why, rest).rstrip()}" if rest > 8 else "", "dim")))
+        rows.append(line(begin, mark, Span(f"  {left(tried.told, rest).rstrip()}" if rest > 8 else "", "dim")))
     return rows
