@@ -161,7 +161,7 @@ def _ranked(one: WholeModel, outcome: SearchOutcome) -> Ranked:
     return Ranked(tuple(names), chi2 if np.isfinite(chi2) else None, True, why, lost=lost)
 
 
-def _why_lost(one: WholeModel, behind: float, outcome: Outcome) -> str:
+def _why_lost(one: WholeModel, behind: float, outcome: SearchOutcome) -> str:
     """A line for people."""
     best = outcome.best
     if behind <= -ODDS:
