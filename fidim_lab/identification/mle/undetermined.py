@@ -2,10 +2,11 @@
 
 Where a mode of the motion is not in the recordings, its amplitude is fitted to noise, and at that amplitude its
 frequency looks known. A standard deviation then is the width of one peak of noise, and says nothing of other bodies.
-So where the data leave some of the body open, every direction is tried out: ten standard deviations away, with each
-window's own state fitted anew, the sum of squares must have risen by ten squared. Where it has not risen by half of
-that, no curvature is believed, and the direction counts as open. A way that ends sooner, at bodies that cannot move,
-is asked for the same rise if a parabola reaches it there; else it says nothing.
+So where the data leave some of the body open, or seem to determine one that cannot exist, every direction is tried
+out: ten standard deviations away, with each window's own state fitted anew, the sum of squares must have risen by ten
+squared. Where it has not risen by half of that, no curvature is believed, and the direction counts as open. A way that
+ends sooner, at bodies that cannot move, is asked for the same rise if a parabola reaches it there; else it says
+nothing.
 """
 
 from dataclasses import replace
@@ -33,13 +34,13 @@ STEPS = 50
 
 
 def tried_out(found: Fit) -> Fit:
-    """The fit with standard deviations that count as open what was not seen; itself where the data leave nothing open.
+    """The fit with standard deviations that count as open what was not seen.
 
-    Its optimum stays as it is.
+    The fit itself where the data determine all of a body that can exist. Its optimum stays as it is.
     """
     plausible, covariance = found.plausible[:BODY], found.covariance
     values, axes = np.linalg.eigh(covariance[:BODY, :BODY] / np.outer(plausible, plausible))
-    if values[-1] < LOOSE_COMBINATION**2:
+    if values[-1] < LOOSE_COMBINATION**2 and consistency.can_exist(found.body):
         return found
     here = _left(found, found.values)  # the states fitted as elsewhere: the search may have got stuck before their best
     if not np.isfinite(here):
