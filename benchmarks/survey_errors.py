@@ -81,7 +81,7 @@ def _hidden(effect: str, scale: float, robot: Robot, rng: np.random.Generator) -
     cable = int(rng.integers(robot.n)) + 1 if size.one_cable else None
     largest = BLUNDER * scale if effect == "anchor-offset" else SHARE * size.high
     keys: Mapping[str, float] = size.keys(rng, largest) | ({} if cable is None else {"cable": cable})
-    return (effect + ":" + ",".join(f"{key}={value!r}" for key, value in keys.items()),), cable
+    return (effect + ":" + ",".join(f"{key}={float(value)!r}" for key, value in keys.items()),), cable
 
 
 def run(seed: int, effect: str) -> Row:
