@@ -24,11 +24,10 @@ from pydantic import TypeAdapter
 
 from benchmarks.page import write_section
 from benchmarks.separate_page import EVIDENT, IDENTIFY, MORE, VALIDATE, Pair, Row, report
-from fidim_lab.app.analysis.design_after import claims_of
 from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.app.compose import simulated_world
+from fidim_lab.app.formats.explanation_file import as_file, claims_of
 from fidim_lab.app.judging.judgement import HOPEFUL
-from fidim_lab.app.report.contents.explanation_file import as_file
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.effects.catalogue import catalogue

@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks.page import table, write_section
 from benchmarks.spoilt.worlds import swung
-from fidim_lab.app.analysis.identify import identify_posed
-from fidim_lab.app.analysis.pose_from import PosedCampaign
+from fidim_lab.app.workflows.identify import identify_posed
+from fidim_lab.app.workflows.pose_from import PosedCampaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Survey
 from fidim_lab.errors import FidimError
 

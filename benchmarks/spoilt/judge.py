@@ -9,7 +9,7 @@ from time import process_time
 import numpy as np
 
 from benchmarks.spoilt.spoiling import Kind
-from fidim_lab.app.analysis.identify import run_identify
+from fidim_lab.app.workflows.identify import run_identify
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.records import Body, Campaign
 from fidim_lab.errors import FidimError

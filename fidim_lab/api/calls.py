@@ -7,11 +7,11 @@ from typing import Literal
 from fidim_lab.api.answers import Designed, Explained, Identified, Validated
 from fidim_lab.api.as_command import as_command
 from fidim_lab.api.inputs import Campaign, Robot
-from fidim_lab.app.analysis.identify import identify_posed
-from fidim_lab.app.analysis.pose_from import PosedCampaign, read_posed
 from fidim_lab.app.analysis.validate import LIMIT, run_validate, sigma_of
-from fidim_lab.app.report.contents.explanation_file import as_file
+from fidim_lab.app.formats.explanation_file import as_file
 from fidim_lab.app.report.contents.found_model import read_found
+from fidim_lab.app.workflows.identify import identify_posed
+from fidim_lab.app.workflows.pose_from import PosedCampaign, read_posed
 from fidim_lab.data import records
 from fidim_lab.data.robot_file import robot_path
 from fidim_lab.errors import SetupError

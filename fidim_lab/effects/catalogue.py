@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.cables.cable_mass import CableMass
+from fidim_lab.effects.cables.damped_springs import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
 from fidim_lab.effects.cables.lay_torque import LayTorque
 from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
@@ -33,7 +34,6 @@ from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
 from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
 from fidim_lab.effects.loads.body_force import BodyForce
 from fidim_lab.effects.loads.constant_force import ConstantForce
-from fidim_lab.effects.loads.damped_springs import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
 from fidim_lab.effects.loads.frame_sway import FrameSway, FrameSwayOwnPhase
 from fidim_lab.effects.loads.loose_mass import LooseMass, LooseMassOnAxis
 from fidim_lab.effects.loads.periodic_force import PeriodicForce, PeriodicForceOwnPhase

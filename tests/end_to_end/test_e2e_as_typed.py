@@ -61,7 +61,7 @@ def test_what_is_typed_wrongly_is_a_sentence(here, capsys, case):
 
 
 def test_a_taken_folder_is_found_before_any_planning(here, monkeypatch):
-    monkeypatch.setattr("fidim_lab.app.session.dry_run.random_plan", lambda *_: pytest.fail("planned for nothing"))
+    monkeypatch.setattr("fidim_lab.app.session.dry_run_plan.random_plan", lambda *_: pytest.fail("planned for nothing"))
     assert cli.run(["dry-run", "--out", "taken"]) == 2
 
 

@@ -11,7 +11,7 @@ import pytest
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.wire.nmt import NmtCommand
 from procedures.events import RunFinished
-from procedures.guards.held_watch import watch_held
+from procedures.held_watch import watch_held
 from procedures.recording.journal import LineKind
 from sim_backends.bus_faults import FrameRule
 

@@ -13,9 +13,9 @@ from drivers.canbus.candump import read_candump
 from drivers.cia402.dictionary import read_family
 from drivers.mocap.packet_log import read_packets
 from fidim_lab.app.formats.devices_file import read_devices
+from fidim_lab.app.formats.explanation_file import read_explanation
 from fidim_lab.app.formats.manifest import read_manifest
-from fidim_lab.app.report.contents.explanation_file import read_explanation
-from fidim_lab.app.service.spec import read_spec
+from fidim_lab.app.formats.run_spec import read_spec
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.design_file import read_design
 from fidim_lab.data.importers.grab import read_config, read_log

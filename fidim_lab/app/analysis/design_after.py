@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fidim_lab.app.analysis.design_after_words import ANSWER, PLAN, closing, proposed_table
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable, read_explanation
+from fidim_lab.app.formats.explanation_file import ExplanationTable, claims_of, read_explanation
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.files.input_file import read_json
@@ -133,15 +133,6 @@ def _for_claims(
         (*(one.says for one in found), *([by_hand] if by_hand else [])),
         int(not any(one.separates for one in found)),
     )
-
-
-def claims_of(explained: ExplanationTable) -> list[Claim]:
-    """The effects that something else may stand for."""
-    return [
-        Claim(e.id, e.cable, tuple(float(p.value or 0.0) for p in e.parameters.values()), e.alike)
-        for e in explained.effects
-        if e.alike and e.parameters
-    ]
 
 
 class _Known(NamedTuple):

@@ -12,12 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app.terminal import console
+from fidim_lab.app.workflows.identify import closing_sentence
 from fidim_lab.data.campaign import ROBOT
-from fidim_lab.data.records import Role
 from fidim_lab.identification.design.task import DISPLACED
-from fidim_lab.identification.equations.estimators import Method
-from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN
-from fidim_lab.identification.mle.findings import closing
 from fidim_lab.identification.results.result import (
     IdentificationResult,
     InertialParameter,
@@ -26,9 +23,6 @@ from fidim_lab.identification.results.result import (
 )
 from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.units import millimetres, percent, plain
-
-UNUSABLE = (ResultOutcome.IMPOSSIBLE_BODY, ResultOutcome.LOST_PHASE, ResultOutcome.NOT_CONVERGED)
-"""outcomes with which the command fails"""
 
 
 def summary(result: IdentificationResult) -> RenderableType:
@@ -87,41 +81,6 @@ def window_table(result: IdentificationResult) -> Table:
         table.add_row(*_window_cells(window))
     table.caption, table.caption_justify = result.no_sigma or None, "left"
     return table
-
-
-def closing_sentence(result: IdentificationResult) -> str:
-    """How far this may be trusted, said honestly."""
-    if result.outcome in UNUSABLE:
-        return result.outcome.value
-    if result.method is Method.MLE:
-        return closing(result)
-    s_z = result.parameters["s_z"]
-    if s_z.spread is None:
-        return (
-            "With fewer than three windows nothing shows the model error: total least squares states only its nominal "
-            "sd, which are several times too small on a real robot."
-        )
-    ratio = max((p.spread or 0.0) / p.sd for p in result.parameters.values() if p.sd > 0)
-    noise = result.noise_ratio or 0.0
-    lever = abs(s_z.value - result.attachment_plane)
-    size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
-    fitted = sum(window.used and window.role is Role.IDENTIFY for window in result.windows)
-    if result.outcome is ResultOutcome.MISFIT:
-        found = (
-            f"the equations are off by {noise:.1f}" if noise > MODEL_ERROR else f"the windows disagree by {ratio:.0f}"
-        )
-        return (
-            f"The model lacks something ({found} times what noise explains). By the spread between windows {size}, but "
-            "total least squares turns unmodelled physics into wrong parameters in every window alike, which no spread "
-            "shows: expect errors of the order of 10 % until it is explained."
-        )
-    agree = "The windows agree within what noise explains"
-    if ratio > SPREAD_SEEN:
-        agree = f"{fitted} windows are few, and the answer leans on single ones"
-    return (
-        f"{agree}: {size}. Total least squares sees neither geometry nor length "
-        "errors that are the same in all windows; held-out σ⊥ and χ²/dof are the test of that."
-    )
 
 
 def next_command(folder: Path, result: IdentificationResult, json_file: Path | None) -> str:

@@ -9,16 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app.analysis.identified import gauge_table, next_command, parameter_table, window_table
-from fidim_lab.app.report.sections.numerals import short
+from fidim_lab.app.report.sections.joint import COLUMNS, closing, cross_rows
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.identification.joint.identify import JointResult, identify_jointly
 from fidim_lab.identification.results.result_file import write_result
 from fidim_lab.model.native import compiler
-from fidim_lab.units import millimetres
-
-COLUMNS = ("fitted on", "predicted", "windows", "rms, mm", "of the pose, mm", "median, mm", "largest, mm")
 
 
 def identify_jointly_command(folders: Sequence[Path], json_file: Path | None, report: Path | None) -> int:
@@ -62,28 +59,3 @@ def cross_table(found: JointResult) -> Table:
     for row in cross_rows(found):
         table.add_row(*(escape(cell) for cell in row))
     return table
-
-
-def cross_rows(found: JointResult) -> tuple[tuple[str, ...], ...]:
-    """One for each pair of a fit and a campaign that it has not seen."""
-    rows: list[tuple[str, ...]] = []
-    for one in found.cross:
-        known = [millimetres(window.rms) for window in one.windows if window.rms is not None]
-        fitted = (
-            "all" if len(one.fitted) == len(found.campaigns) else " + ".join(found.campaigns[k] for k in one.fitted)
-        )
-        held = " (held out)" if one.predicted in one.fitted else ""
-        figures = (one.rms, one.of_pose, one.median)
-        shown = ("–" if value is None else short(millimetres(value)) for value in figures)
-        largest = short(max(known)) if known else "–"
-        rows.append(
-            (fitted, found.campaigns[one.predicted] + held, f"{len(known)}/{len(one.windows)}", *shown, largest)
-        )
-    return tuple(rows)
-
-
-def closing(found: JointResult) -> str:
-    """How far this may be trusted."""
-    if not found.result.outcome.answers:
-        return found.result.outcome.value
-    return "One body and one geometry explain all campaigns to their noise; the ± count what the survey leaves open."

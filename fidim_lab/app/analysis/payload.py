@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from fidim_lab.app.analysis.identified import UNUSABLE, summary
-from fidim_lab.app.analysis.identify import run_identify
+from fidim_lab.app.analysis.identified import summary
 from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
+from fidim_lab.app.workflows.identify import UNUSABLE, run_identify
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.payload_mass import (

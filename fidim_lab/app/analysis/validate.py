@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.found_model import Found, found_model, read_found
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of

@@ -44,7 +44,8 @@ def dry_run(**options: Any) -> None:
         only_with("--ui", "light")
     if options["plan"] is not None:
         not_with("--plan", "equilibria", "validation")
-    from fidim_lab.app.session.dry_run import DryRunOptions, run_dry_run
+    from fidim_lab.app.session.dry_run import run_dry_run
+    from fidim_lab.app.session.dry_run_plan import DryRunOptions
 
     sys.exit(run_dry_run(DryRunOptions(**options)))
 

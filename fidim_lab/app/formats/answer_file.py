@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from fidim_lab.app.service.spec import read_summary
+from fidim_lab.app.formats.run_spec import read_summary
 from fidim_lab.errors import SetupError
 
 

@@ -7,8 +7,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from fidim_lab.app.formats.key_words import key_words, sentence
+from fidim_lab.app.formats.run_spec import number_type, number_words, numbers
 from fidim_lab.app.formats.schema_words import default_words, one_line, range_words, type_words
-from fidim_lab.app.service.spec import number_type, number_words, numbers
 from fidim_lab.data.campaign import CampaignTable
 from fidim_lab.data.importers.mapped_csv import ColumnMap
 from fidim_lab.data.importers.robot_log import LogMap

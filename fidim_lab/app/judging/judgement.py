@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.app.analysis.design_after import claims_of
-from fidim_lab.app.report.contents.explanation_file import as_file
+from fidim_lab.app.formats.explanation_file import as_file, claims_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError

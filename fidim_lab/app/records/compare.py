@@ -8,8 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.records.compare_sessions import read_session
-from fidim_lab.app.records.comparison import Comparison, compared
+from fidim_lab.app.report.sections.compared_session import read_session
+from fidim_lab.app.report.sections.comparison import Comparison, compared
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working

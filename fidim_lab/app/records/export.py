@@ -19,8 +19,8 @@ import pyarrow.parquet as pq
 import scipy.io
 
 from fidim_lab.app.formats.answer_file import write_answer
+from fidim_lab.app.formats.body_text import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.formats.manifest import EXPORTS
-from fidim_lab.app.records.export_body import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.records.export_unfinished import export_unfinished
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import INDEX, ROBOT, read_campaign, write_campaign

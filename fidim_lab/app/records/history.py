@@ -13,9 +13,9 @@ from typing import Any
 from rich.table import Table
 
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.service.spec import NAME as RUN
-from fidim_lab.app.service.spec import RIG
-from fidim_lab.app.session.dry_run_spec import FORMAT as DRY_RUN
+from fidim_lab.app.formats.dry_run_spec import FORMAT as DRY_RUN
+from fidim_lab.app.formats.run_spec import NAME as RUN
+from fidim_lab.app.formats.run_spec import RIG
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import INDEX
 from fidim_lab.data.files.input_file import read_json

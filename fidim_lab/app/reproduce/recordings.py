@@ -1,7 +1,7 @@
 """`fidim reproduce --recordings DIR`: the paper's equations from its own data, and maximum likelihood beside them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -11,6 +11,7 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_takes import find_windows
 from fidim_lab.app.reproduce import recordings_words
 from fidim_lab.app.reproduce.recordings_file import FORMAT, to_json
+from fidim_lab.app.reproduce.recordings_found import ByCables, FromRecordings
 from fidim_lab.app.reproduce.recordings_tables import everything
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
@@ -18,7 +19,7 @@ from fidim_lab.data import paper
 from fidim_lab.data.importers.grab import FITTED, GROUPS, VALIDATED, read_grab
 from fidim_lab.data.importers.grab_results import Processed, read_bodies, read_processed
 from fidim_lab.data.importers.takes import Takes
-from fidim_lab.data.records import Body, Campaign, Role, Window
+from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.joint.fit import FRICTION, alone, fit_jointly, fit_some
 from fidim_lab.identification.joint.found import JointFit
@@ -26,12 +27,9 @@ from fidim_lab.identification.joint.sharing import in_common
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.papers_takes import (
     SAMPLES,
-    Checked,
-    TakesIdentified,
     by_free_coordinates,
     by_full_pose,
     cross_validated,
-    difference_percent,
 )
 from fidim_lab.model.native import compiler
 from fidim_lab.say import Say
@@ -42,49 +40,6 @@ WINDOWS = 12
 """that the paper says it identified from"""
 SHORTEST = 3.0
 """s of free motion within that; less is not fitted"""
-
-
-@dataclass(frozen=True, eq=False)
-class ByCables:
-    """A body by maximum likelihood with geometry and friction open, from takes of some numbers of cables."""
-
-    cables: tuple[int, ...]
-    body: Body
-    sd: np.ndarray
-    """(9,) the ± to believe"""
-    rms: float
-    """m, of the fitted windows"""
-    takes: int
-
-
-@dataclass(frozen=True, eq=False)
-class FromRecordings:
-    """Everything that is printed."""
-
-    full: TakesIdentified
-    """Eq. 47"""
-    decimated: TakesIdentified
-    """the same from as many windows and samples as the paper says: the first twelve takes, 100 samples of each"""
-    free: TakesIdentified
-    """Eq. 46"""
-    checked: tuple[Checked, ...]
-    """Fig. 3 with the printed body of Eq. 46"""
-    laboratory: Mapping[int, Body]
-    """its own bodies, by the number of cables"""
-    bodies: tuple[ByCables, ...]
-    missing: tuple[str, ...]
-    """what the folder lacks, a sentence each"""
-    seconds: float
-
-    @property
-    def difference(self) -> np.ndarray:
-        """Eq. 49, %."""
-        free, full = (Body.from_vector(one.solution.values) for one in (self.free, self.full))
-        return difference_percent(free, full)
-
-    def above(self, *, printed: bool) -> int:
-        """How many takes of Fig. 3 are above σ_W of Eq. 46, by Eq. 50 as printed or by the mean of ε²."""
-        return sum((one.sigma if printed else one.mean_square) > paper.FREE.sigma_W for one in self.checked)
 
 
 def reproduce_recordings_command(folder: Path, json_file: Path | None) -> int:

@@ -1,21 +1,17 @@
 """`fidim reproduce --recordings --json`: "fidim-recordings-reproduction/1" (docs/reproduce.md)."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from fidim_lab.app.reproduce.recordings_found import FromRecordings
 from fidim_lab.app.reproduce.recordings_words import sentences
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.papers_takes import TakesIdentified
 
-if TYPE_CHECKING:
-    from fidim_lab.app.reproduce.recordings import FromRecordings
-
 FORMAT = "fidim-recordings-reproduction/1"
 
 
-def to_json(found: "FromRecordings") -> dict[str, object]:
+def to_json(found: FromRecordings) -> dict[str, object]:
     """Everything that is printed."""
     return {
         "eq46": {"paper": _printed(paper.FREE), "its_data": _identified(found.free, found.free.solution.percent)},

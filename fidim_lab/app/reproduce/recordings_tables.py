@@ -1,22 +1,18 @@
 """The tables of `fidim reproduce --recordings`: the paper's columns first, then its data by us."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from rich import box
 from rich.table import Table
 
+from fidim_lab.app.reproduce.recordings_found import FromRecordings
 from fidim_lab.app.terminal import console
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.papers_takes import TakesIdentified
 from fidim_lab.units import millimetres
 
-if TYPE_CHECKING:
-    from fidim_lab.app.reproduce.recordings import FromRecordings
 
-
-def everything(found: "FromRecordings") -> tuple[Table, ...]:
+def everything(found: FromRecordings) -> tuple[Table, ...]:
     """All tables in the order of the paper."""
     return (
         _equation("Eq. 46, x and y of P", paper.FREE, found.free, found.free.solution.percent),
@@ -51,14 +47,14 @@ def _equation(title: str, printed: paper.Published, ours: TakesIdentified, perce
     return table
 
 
-def _difference(found: "FromRecordings") -> Table:
+def _difference(found: FromRecordings) -> Table:
     table = _table("Eq. 49: |full − free| over |free|, %", "", "paper", "its data")
     for name, printed, ours in zip(PARAMETER_NAMES, paper.ESSENTIAL_DIFFERENCE, found.difference, strict=False):
         table.add_row(name, f"{printed:.2f}", f"{ours:.2f}")
     return table
 
 
-def _figure_3(found: "FromRecordings") -> Table:
+def _figure_3(found: FromRecordings) -> Table:
     title = f"Fig. 3: takes with Eq. 46's body (σ_W = {paper.FREE.sigma_W})"
     table = _table(title, "take", "σ⊥ (Eq. 50)", "mean of ε²")
     for one in found.checked:
@@ -68,7 +64,7 @@ def _figure_3(found: "FromRecordings") -> Table:
     return table
 
 
-def _bodies(found: "FromRecordings") -> Table:
+def _bodies(found: FromRecordings) -> Table:
     laboratory = list(found.laboratory.items())
     ours = [f"ML, {' + '.join(map(str, one.cables))}" for one in found.bodies]
     table = _table(

@@ -1,15 +1,11 @@
 """What `fidim reproduce --recordings` says of what differs, one sentence each."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from fidim_lab.app.reproduce.recordings_found import FromRecordings
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.units import millimetres
-
-if TYPE_CHECKING:
-    from fidim_lab.app.reproduce.recordings import FromRecordings
 
 DIGITS = (4, 4, 3, 4, 4, 4, 6, 5, 5)
 """decimals to which Eq. 47 is printed, by parameter"""
@@ -17,12 +13,12 @@ ALIKE = 2.5
 """± beyond which a body by other cables differs"""
 
 
-def sentences(found: "FromRecordings") -> tuple[str, ...]:
+def sentences(found: FromRecordings) -> tuple[str, ...]:
     """All of them."""
     return (*found.missing, *_eq47(found), *_eq46(found), *_eq49(found), *_fig3(found), *_bodies(found))
 
 
-def _eq47(found: "FromRecordings") -> tuple[str, ...]:
+def _eq47(found: FromRecordings) -> tuple[str, ...]:
     full, printed = found.full, paper.FULL
     each = zip(full.solution.values, printed.values, DIGITS, strict=True)
     same = sum(abs(ours - theirs) <= 0.51 * 10.0**-digits for ours, theirs, digits in each)
@@ -40,7 +36,7 @@ def _eq47(found: "FromRecordings") -> tuple[str, ...]:
     )
 
 
-def _eq46(found: "FromRecordings") -> tuple[str, ...]:
+def _eq46(found: FromRecordings) -> tuple[str, ...]:
     free, printed = found.free, paper.FREE
     off = np.abs(free.solution.values / printed.values - 1)[:6]
     worst = int(np.argmax(off))
@@ -56,7 +52,7 @@ def _eq46(found: "FromRecordings") -> tuple[str, ...]:
     return tuple(said)
 
 
-def _eq49(found: "FromRecordings") -> tuple[str, ...]:
+def _eq49(found: FromRecordings) -> tuple[str, ...]:
     worst = int(np.argmax(found.difference))
     return (
         f"Eq. 49: free and full differ most in {PARAMETER_NAMES[worst]} ({found.difference[worst]:.1f} %), in the "
@@ -64,7 +60,7 @@ def _eq49(found: "FromRecordings") -> tuple[str, ...]:
     )
 
 
-def _fig3(found: "FromRecordings") -> tuple[str, ...]:
+def _fig3(found: FromRecordings) -> tuple[str, ...]:
     if not found.checked:
         return ()
     largest = max(found.checked, key=lambda one: one.sigma)
@@ -76,7 +72,7 @@ def _fig3(found: "FromRecordings") -> tuple[str, ...]:
     )
 
 
-def _bodies(found: "FromRecordings") -> tuple[str, ...]:
+def _bodies(found: FromRecordings) -> tuple[str, ...]:
     if not found.bodies:
         return ()
     best = found.bodies[-1]

@@ -22,6 +22,8 @@ from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
+from fidim_lab.app.formats.run_spec import NAME as SPEC
+from fidim_lab.app.formats.run_spec import PLAN, RIG, RunSpec, overridden, write_spec
 from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.service.lock import Lock, held
 from fidim_lab.app.service.place import ServicePlace, place_of
@@ -31,8 +33,6 @@ from fidim_lab.app.service.process.judging import explain_step
 from fidim_lab.app.service.process.opening import HOMING, Opened, open_rig
 from fidim_lab.app.service.process.service import Identity, Service, new_token
 from fidim_lab.app.service.process.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
-from fidim_lab.app.service.spec import NAME as SPEC
-from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, overridden, write_spec
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.data.plan_file import write_plan

@@ -9,7 +9,7 @@ import os
 import shlex
 from pathlib import Path
 
-from fidim_lab.app.service.spec import RunSpec, read_summary
+from fidim_lab.app.formats.run_spec import RunSpec, read_summary
 from fidim_lab.errors import HardwareError
 
 EMERGENCY_STOP = "The emergency stop guard"

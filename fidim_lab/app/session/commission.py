@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.app.formats.answer_file import write_summary
+from fidim_lab.app.formats.run_spec import RunSpec
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.app.session.busy_computer import load_advice
 from fidim_lab.app.session.left_holding import left_by, power_advice
 from fidim_lab.app.session.run_process import start_and_watch

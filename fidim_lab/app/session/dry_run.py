@@ -5,29 +5,28 @@ real. A run folder is a campaign with journal, raw CAN log, truth and report bes
 """
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from rich.table import Table
 
 from fidim_lab.app import compose
 from fidim_lab.app.analysis.identified import summary
-from fidim_lab.app.analysis.identify import run_identify
 from fidim_lab.app.analysis.possible_robot import require_possible
+from fidim_lab.app.formats.dry_run_spec import DryRunSpec, write_dry_run
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.report.pages.write import write_report
-from fidim_lab.app.session.dry_run_spec import DryRunSpec, write_dry_run
+from fidim_lab.app.session.dry_run_plan import DryRunOptions, planned
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.run_display import display
 from fidim_lab.app.terminal.working import Working, windows_of
+from fidim_lab.app.workflows.identify import run_identify
 from fidim_lab.data.campaign import ROBOT
-from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import HardwareError, of_file
-from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import write_result
 from fidim_lab.units import signed
@@ -45,27 +44,6 @@ SIMULATED_DAY = "2000-01-01T00:00:00Z"
 PLAN = "plan.toml"
 TRUTH = "truth.json"
 RESULT = "result.json"
-
-
-@dataclass(frozen=True)
-class DryRunOptions:
-    """As on the command line."""
-
-    out: Path | None
-    seed: int
-    robot: Path | None
-    equilibria: int
-    validation: int
-    hide: tuple[str, ...]
-    real_time: bool
-    json_file: Path | None
-    ui: bool = False
-    excite: bool = False
-    """the winches excite, instead of a hand"""
-    light: bool = False
-    """the UI dark on light"""
-    plan: Path | None = None
-    """windows to rehearse, as they are; None: random ones"""
 
 
 def run_dry_run(options: DryRunOptions) -> int:
@@ -87,13 +65,6 @@ def run_dry_run(options: DryRunOptions) -> int:
             experiment = _experiment(spec, plan, robot)
     with one_writer(folder):  # makes the folder: nothing is left of a plan that was refused
         return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
-
-
-def planned(options: DryRunOptions, robot: Robot) -> Plan:
-    """The plan that was given, or a random one. Raises FileError for a wrong one, InfeasibleError without any."""
-    if options.plan is not None:
-        return read_plan_or_design(options.plan, robot.n)
-    return random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, WITHIN_LIMITS)
 
 
 def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> int:

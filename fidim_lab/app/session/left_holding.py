@@ -8,9 +8,9 @@ import shlex
 from pathlib import Path
 
 from drivers.cia402.bring_up import HAS_POWER
+from fidim_lab.app.formats.run_spec import read_summary
 from fidim_lab.app.service.lock import left_behind
 from fidim_lab.app.service.place import ServicePlace
-from fidim_lab.app.service.spec import read_summary
 
 
 def left_by(place: ServicePlace) -> Path | None:

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from drivers.ports import DriveState
 from fidim_lab.app.formats.answer_file import write_summary
+from fidim_lab.app.formats.dry_run_spec import read_dry_run
+from fidim_lab.app.formats.run_spec import RunSpec, again, read_spec, read_summary
 from fidim_lab.app.service.lock import holder
+from fidim_lab.app.service.own_process import end_service, serves
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.service.spec import RunSpec, again, read_spec, read_summary
 from fidim_lab.app.session.busy_computer import load_advice
-from fidim_lab.app.session.dry_run_spec import read_dry_run
 from fidim_lab.app.session.run_process import start_and_watch
-from fidim_lab.app.session.shutdown import end_service, serves
 from fidim_lab.app.session.undo_stop import confirmed, says_yes, stop_hint
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig

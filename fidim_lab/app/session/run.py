@@ -12,9 +12,9 @@ from pathlib import Path
 
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.app.formats.answer_file import write_answer, write_summary
+from fidim_lab.app.formats.run_spec import AnswerSpec, RunSpec, UnattendedSpec
 from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.service.spec import AnswerSpec, RunSpec, UnattendedSpec
 from fidim_lab.app.session.busy_computer import load_advice
 from fidim_lab.app.session.left_holding import left_by, power_advice
 from fidim_lab.app.session.run_process import start_and_watch

@@ -1,27 +1,17 @@
 """`fidim shutdown`: end a service that has nothing to do any more (`fidim run --stay`, a dry run that nobody began)."""
 
 import asyncio
-from contextlib import suppress
 from pathlib import Path
 
-from drivers.clock import LoopClock
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.service.client import ServiceGoneError, connect
-from fidim_lab.app.service.commands import Shutdown
-from fidim_lab.app.service.lock import Holder, holder, running
+from fidim_lab.app.service.lock import Holder, running
+from fidim_lab.app.service.own_process import end_service, serves
 from fidim_lab.app.service.place import ServicePlace, places_for
 from fidim_lab.app.terminal import console
 from fidim_lab.errors import SetupError
 from fidim_lab.say import printable
-from procedures.timing import within
 
 FORMAT = "fidim-shutdown/1"
-ANSWER_WITHIN = 2.0
-"""s"""
-ENDS_WITHIN = 10.0
-"""s from the command to the end of the process"""
-LOOK = 0.05
-"""s"""
 
 
 def shutdown_command(folder: Path | None, rig: Path | None, json_file: Path | None = None) -> int:
@@ -49,29 +39,3 @@ def _found(folder: Path | None, rig: Path | None) -> list[tuple[ServicePlace, Ho
         raise SetupError("Give a run folder or --rig, not both.")
     found = running(places_for(rig))
     return found if folder is None else [(place, who) for place, who in found if serves(who, folder)]
-
-
-def serves(who: Holder, folder: Path) -> bool:
-    """Whether the service is that of the run in this folder."""
-    return Path(who.folder).resolve() == folder.resolve()
-
-
-async def end_service(place: ServicePlace) -> str:
-    """End a service and wait until its process has let the rig go; returns why not, empty where it has."""
-    clock = LoopClock()
-    with suppress(SetupError, ServiceGoneError, TimeoutError):  # its socket is closed: it is ending already
-        if says := await within(clock, ANSWER_WITHIN, _refusal(place)):
-            return f"it goes on: {says}."
-    end = clock.now() + ENDS_WITHIN
-    while holder(place) is not None:
-        if clock.now() > end:
-            return f"it has not ended within {ENDS_WITHIN:g} s; see {place.log}."
-        await clock.sleep(LOOK)
-    return ""
-
-
-async def _refusal(place: ServicePlace) -> str:
-    async with connect(place.socket, name="fidim shutdown", samples=False) as service:
-        await service.take_lease(force=True)
-        answer = await service.command(Shutdown())
-    return "" if answer.ok else answer.says

@@ -15,14 +15,14 @@ import tomli_w
 
 from fidim_lab.app import compose
 from fidim_lab.app.analysis.possible_robot import require_possible
+from fidim_lab.app.formats.run_spec import RunSpec
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
 from fidim_lab.app.service.lock import holder, in_use
 from fidim_lab.app.service.main import prepare
+from fidim_lab.app.service.own_process import service_process, until_it_listens
 from fidim_lab.app.service.place import ServicePlace, place_of
-from fidim_lab.app.service.spec import RunSpec
-from fidim_lab.app.session.dry_run import DryRunOptions, planned
-from fidim_lab.app.session.run_process import service_process, until_it_listens
+from fidim_lab.app.session.dry_run_plan import DryRunOptions, planned
 from fidim_lab.app.session.ui import need_terminal, run_ui
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from drivers.clock import LoopClock
 from fidim_lab.app.formats.answer_file import write_answer
+from fidim_lab.app.formats.run_spec import RunSpec, again, read_spec
 from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.place import ServicePlace, place_of
-from fidim_lab.app.service.spec import RunSpec, again, read_spec
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.rigs.stop_file import read_stop, stop_path

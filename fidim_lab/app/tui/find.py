@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from fidim_lab.app.formats.run_spec import NAME as RUN
 from fidim_lab.app.service.lock import Holder, running
 from fidim_lab.app.service.place import ServicePlace, all_places, places_of
-from fidim_lab.app.service.spec import NAME as RUN
 from fidim_lab.data.rigs.rig import RigFile
 
 

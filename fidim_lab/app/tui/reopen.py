@@ -6,11 +6,10 @@ Nothing moves by it: the emergency stop is reset (r) and the run begun (g) as in
 from pathlib import Path
 
 from drivers.clock import LoopClock
+from fidim_lab.app.formats.run_spec import RunSpec, again, read_spec
 from fidim_lab.app.service.lock import holder
+from fidim_lab.app.service.own_process import end_service, serves, service_process, until_it_listens
 from fidim_lab.app.service.place import ServicePlace, place_of
-from fidim_lab.app.service.spec import RunSpec, again, read_spec
-from fidim_lab.app.session.run_process import service_process, until_it_listens
-from fidim_lab.app.session.shutdown import end_service, serves
 from fidim_lab.app.tui.aside import Aside
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import RefusedError

@@ -6,7 +6,7 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import joint_rate
+from fidim_lab.effects.wrenches import joint_rate
 from fidim_lab.model.geometry import CableExpressions
 from fidim_lab.model.slots import PlatformState
 

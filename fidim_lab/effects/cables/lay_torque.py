@@ -7,8 +7,8 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import turning
 from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.wrenches import turning
 from fidim_lab.model.slots import PlatformState
 
 LARGEST = 0.005

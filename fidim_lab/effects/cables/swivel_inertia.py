@@ -7,8 +7,8 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import joint_rate
 from fidim_lab.effects.plausibility import LEAST_RADIUS, Context, Limit
+from fidim_lab.effects.wrenches import joint_rate
 from fidim_lab.model.slots import PlatformState
 
 HOUSING = 5.0

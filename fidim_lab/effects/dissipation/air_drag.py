@@ -9,9 +9,9 @@ import numpy as np
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import at_centre
 from fidim_lab.effects.plausibility import Context, Limit
 from fidim_lab.effects.without_term import UnknownEffect
+from fidim_lab.effects.wrenches import at_centre
 from fidim_lab.model.slots import PlatformState
 
 STILL = 1e-6

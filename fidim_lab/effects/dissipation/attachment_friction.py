@@ -9,8 +9,8 @@ import numpy as np
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import DRY_RATE, at_arm, over_cables, turning
 from fidim_lab.effects.plausibility import Context, Limit, over_rate
+from fidim_lab.effects.wrenches import DRY_RATE, at_arm, over_cables, turning
 from fidim_lab.model.geometry import CableExpressions
 from fidim_lab.model.slots import ExtraState, PlatformState
 

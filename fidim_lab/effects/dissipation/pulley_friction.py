@@ -7,8 +7,8 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import dry, joint_rate, joint_torque, over_cables
 from fidim_lab.effects.plausibility import FRICTION, LEAST_RADIUS, Context, Limit, over_rate
+from fidim_lab.effects.wrenches import dry, joint_rate, joint_torque, over_cables
 from fidim_lab.model.geometry import CableExpressions
 from fidim_lab.model.slots import PlatformState
 

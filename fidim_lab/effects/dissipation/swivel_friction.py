@@ -7,8 +7,8 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import dry, joint_rate, joint_torque, over_cables
 from fidim_lab.effects.plausibility import Context, Limit, over_rate
+from fidim_lab.effects.wrenches import dry, joint_rate, joint_torque, over_cables
 from fidim_lab.model.slots import ExtraState, PlatformState
 
 STILL = 1e-3

@@ -6,7 +6,7 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import at_centre
+from fidim_lab.effects.wrenches import at_centre
 from fidim_lab.model.geometry import rotation_from_gibbs
 from fidim_lab.model.slots import PlatformState
 

@@ -8,8 +8,8 @@ import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
 from fidim_lab.effects.loads.constant_force import share_of_weight
-from fidim_lab.effects.loads.forces import at_centre, turning
 from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.wrenches import at_centre, turning
 from fidim_lab.model.slots import PlatformState
 
 

@@ -7,8 +7,8 @@ from typing import ClassVar
 import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
-from fidim_lab.effects.loads.forces import at_centre
 from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.wrenches import at_centre
 from fidim_lab.model.slots import PlatformState
 
 SHARE_OF_WEIGHT = 0.3

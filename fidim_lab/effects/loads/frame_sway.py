@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import at_centre
 from fidim_lab.effects.loads.oscillation import PHASE, oscillation, oscillation_parameters
+from fidim_lab.effects.wrenches import at_centre
 from fidim_lab.model.slots import ExtraState, PlatformState
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loads.forces import at_arm
 from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.model.slots import ExtraState, PlatformState
 
 LARGEST_SHARE = 0.5

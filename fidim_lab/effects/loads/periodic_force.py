@@ -8,9 +8,9 @@ import casadi as ca
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.constant_force import share_of_weight
-from fidim_lab.effects.loads.forces import at_centre
 from fidim_lab.effects.loads.oscillation import PHASE, oscillation, oscillation_parameters
 from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.wrenches import at_centre
 from fidim_lab.model.slots import ExtraState, PlatformState
 
 

@@ -11,8 +11,8 @@ from fidim_lab.data.records import Robot
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
 from fidim_lab.effects.loads.constant_force import SHARE_OF_WEIGHT, ConstantForce
-from fidim_lab.effects.loads.forces import at_arm
 from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.model.slots import PlatformState
 
 GOING_SLACK = 5e-3

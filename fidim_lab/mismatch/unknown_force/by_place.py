@@ -6,7 +6,7 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
-from fidim_lab.effects.loads.forces import at_arm
+from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.mismatch.unknown_force.family import Dependence, Expression, Family, bells, monomials
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, centres_of, drag_on, force_on

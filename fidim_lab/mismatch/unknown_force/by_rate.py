@@ -5,7 +5,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from fidim_lab.effects.loads.forces import joint_rate, joint_torque
+from fidim_lab.effects.wrenches import joint_rate, joint_torque
 from fidim_lab.mismatch.unknown_force.family import Dependence, Family, monomials
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import (

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.effects.loads.forces import at_arm
+from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.responses import Responses
 from fidim_lab.model.slots import PlatformState

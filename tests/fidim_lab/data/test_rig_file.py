@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fidim_lab.app.compose import require_what_winches_do, rig_settings
-from fidim_lab.app.service.spec import overridden
+from fidim_lab.app.formats.run_spec import overridden
 from fidim_lab.data.rigs.rig import GuardReaction, MocapKind
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import FileError, SetupError

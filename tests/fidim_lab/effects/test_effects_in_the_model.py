@@ -10,8 +10,8 @@ from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStif
 from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear
 from fidim_lab.effects.geometry.cable_creep import CableCreep
-from fidim_lab.effects.loads.forces import at_arm
 from fidim_lab.effects.loads.loose_mass import LooseMass
+from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.errors import InfeasibleError, OurBugError, SetupError
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism

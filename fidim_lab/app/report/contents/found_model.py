@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from fidim_lab.app.formats.explanation_file import BodyParameterTable, ExplanationTable, read_explanation
 from fidim_lab.app.formats.explanation_parts import EffectTable
-from fidim_lab.app.report.contents.explanation_file import BodyParameterTable, ExplanationTable, read_explanation
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Robot
 from fidim_lab.effects.catalogue import by_id

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.found_model import HAND, Model, body_vector, completed_model
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError, SetupError

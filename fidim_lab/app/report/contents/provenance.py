@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from fidim_lab.app.formats.manifest import LARGEST, MANIFEST, read_manifest
-from fidim_lab.app.records.verify import verify
+from fidim_lab.app.formats.verification import verify
 from fidim_lab.data.files.input_file import open_input
 from fidim_lab.say import printable
 

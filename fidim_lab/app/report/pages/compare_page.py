@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.records.comparison import Comparison, Shift, WindowPair, limit
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks, sd_levels
 from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, to_svg
 from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
+from fidim_lab.app.report.sections.comparison import Comparison, Shift, WindowPair, limit
 from fidim_lab.app.report.sections.numerals import decimals, fixed, short
 from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.units import millimetres

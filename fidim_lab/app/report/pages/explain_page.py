@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.report.contents.explanation_file import as_file
+from fidim_lab.app.formats.explanation_file import as_file
 from fidim_lab.app.report.contents.folder import Contents, read_folder
 from fidim_lab.app.report.contents.proof import proof
 from fidim_lab.app.report.drawings.scene import scene

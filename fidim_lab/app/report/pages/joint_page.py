@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.analysis.identify_jointly import COLUMNS, closing, cross_rows
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks
 from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, to_svg
 from fidim_lab.app.report.pages.compare_page import ComparePage
 from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
+from fidim_lab.app.report.sections.joint import COLUMNS, closing, cross_rows
 from fidim_lab.app.report.sections.numerals import decimals, fixed
 from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.identification.joint.identify import JointResult

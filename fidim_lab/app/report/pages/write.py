@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from fidim_lab.identification.results.result import IdentificationResult
 
 NAME = "report.html"
-EXPLANATION = "explanation.json"
 
 
 def write_report(
@@ -55,10 +54,12 @@ def write_page(rendered: "Rendered", path: Path, pictures: Path | None) -> Path:
 
 def _explained(folder: Path, contents: "Contents") -> "ExplanationSection | None":
     """What explanation.json beside the campaign says; None where there is none."""
+    from fidim_lab.app.formats.explanation_file import EXPLANATION
+
     path = folder / EXPLANATION
     if not path.exists() or not contents.campaign.windows:
         return None
-    from fidim_lab.app.report.contents.explanation_file import read_explanation
+    from fidim_lab.app.formats.explanation_file import read_explanation
     from fidim_lab.app.report.contents.proof import proof
     from fidim_lab.app.report.sections.explained import explained
 
@@ -70,9 +71,7 @@ def _judged(
     folder: Path, contents: "Contents", result: "IdentificationResult | None"
 ) -> "tuple[IdentificationResult | None, str]":
     """The result with how far to trust it, or None with the reason."""
-    # `app.identify` offers --report and so imports this module.
-    from fidim_lab.app.analysis.identified import closing_sentence
-    from fidim_lab.app.analysis.identify import run_identify
+    from fidim_lab.app.workflows.identify import closing_sentence, run_identify
 
     if result is None:
         if not contents.campaign.windows:

@@ -5,7 +5,7 @@ import io
 from contextlib import suppress
 from dataclasses import dataclass
 
-from fidim_lab.app.records.export_body import python_snippet, toml, urdf
+from fidim_lab.app.formats.body_text import python_snippet, toml, urdf
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from fidim_lab.app.formats.explanation_file import ExplanationTable, FamilyTable, UnknownTable
 from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectTable
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable, FamilyTable, UnknownTable
 from fidim_lab.app.report.contents.proof import ProofOfCause
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.sections import proof_figures

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.proof import ComparedWindow, ProofOfCause
 from fidim_lab.app.report.drawings import spectra
 from fidim_lab.app.report.drawings.drawing import Drawing

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.folder import Contents
 from fidim_lab.app.report.drawings.figures import ParameterRow
 from fidim_lab.app.report.sections.numerals import counted, duration, interval, short

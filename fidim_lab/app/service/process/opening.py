@@ -15,7 +15,7 @@ from drivers.cia402.dictionary import WinchConfig
 from drivers.ports import Operator, Prompt, Rig
 from drivers.remote_operator import RemoteOperator
 from fidim_lab.app import compose
-from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.formats.run_spec import RunSpec
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import OurBugError

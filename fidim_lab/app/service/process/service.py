@@ -34,8 +34,8 @@ from fidim_lab.data.rigs.stop_file import Stopped
 from fidim_lab.errors import FidimError
 from procedures.control import Control
 from procedures.events import Event, Prompted, RunFinished
-from procedures.guards.held_watch import watch_held, write_moved
 from procedures.guards.robot_guards import standard_guards
+from procedures.held_watch import watch_held, write_moved
 from procedures.recording.journal import NAME as JOURNAL
 from procedures.report import RunReport, WindowRow
 from procedures.run import Experiment

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.ports import Clock
-from fidim_lab.app.service.spec import HOOK_TIMEOUT, SUMMARY, RunSpec
+from fidim_lab.app.formats.run_spec import HOOK_TIMEOUT, SUMMARY, RunSpec
 from procedures.guards.guard import Observation
 from procedures.handlers.motion import move_to
 from procedures.report import RunReport, WindowRow

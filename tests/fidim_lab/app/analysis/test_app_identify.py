@@ -10,10 +10,11 @@ import pytest
 from rich.console import Console
 
 from fidim_lab.app import cli
-from fidim_lab.app.analysis.identified import closing_sentence, next_command, summary
-from fidim_lab.app.analysis.identify import identify_command, identify_posed, run_identify
-from fidim_lab.app.analysis.pose_from import PosedCampaign, read_posed
+from fidim_lab.app.analysis.identified import next_command, summary
+from fidim_lab.app.analysis.identify import identify_command
 from fidim_lab.app.records.import_recording import run_import
+from fidim_lab.app.workflows.identify import closing_sentence, identify_posed, run_identify
+from fidim_lab.app.workflows.pose_from import PosedCampaign, read_posed
 from fidim_lab.data.records import Campaign, Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.equations.estimators import Method
@@ -108,7 +109,7 @@ def test_a_failed_fit_gives_way_to_equations_only_where_it_does_not_say_what_is_
     """What its model lacks, the equations lack, too."""
     failed = replace(made_up(outcome=ResultOutcome.NOT_CONVERGED, noise_ratio=4.0), method=Method.MLE, cause=cause)
     monkeypatch.setattr(
-        "fidim_lab.app.analysis.identify.identify",
+        "fidim_lab.app.workflows.identify.identify",
         lambda campaign, method, *rest, **more: failed if method is Method.MLE else made_up(),
     )
     found = identify_posed(PosedCampaign(Campaign("made up", irma4, 100.0, ())))

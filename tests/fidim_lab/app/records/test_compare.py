@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.records.compare import compare_command
-from fidim_lab.app.records.compare_sessions import read_session
-from fidim_lab.app.records.comparison import compared, limit
+from fidim_lab.app.report.sections.compared_session import read_session
+from fidim_lab.app.report.sections.comparison import compared, limit
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
 from fidim_lab.errors import FileError
@@ -136,7 +136,7 @@ def test_a_session_without_result_is_told(folder_of, file_of, monkeypatch):
     def refuse(folder):
         raise RefusedError("Too little motion.")
 
-    monkeypatch.setattr("fidim_lab.app.analysis.identify.run_identify", refuse)
+    monkeypatch.setattr("fidim_lab.app.workflows.identify.run_identify", refuse)
     folder = folder_of("a")
     (folder / "result.json").unlink()
     found = compared(read_session(folder), read_session(file_of("b")))
@@ -157,7 +157,7 @@ def test_a_result_about_other_windows_is_not_taken(folder_of, monkeypatch):
             asked.append(folder)
             return result()
 
-    monkeypatch.setattr("fidim_lab.app.analysis.identify.run_identify", lambda place: Found())
+    monkeypatch.setattr("fidim_lab.app.workflows.identify.run_identify", lambda place: Found())
     assert read_session(folder).origin == "identified now"
     assert asked == [folder]
 

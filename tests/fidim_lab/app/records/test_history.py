@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from fidim_lab.app.cli import run
-from fidim_lab.app.service.spec import RunSpec, write_spec
+from fidim_lab.app.formats.run_spec import RunSpec, write_spec
 from fidim_lab.app.session.run import RunOptions, make_spec
 from fidim_lab.data.robot_file import PAPERS_ROBOT
 

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from fidim_lab.app.cli import run
+from fidim_lab.app.formats import verification as module
 from fidim_lab.app.formats.manifest import MANIFEST, read_manifest, write_manifest
-from fidim_lab.app.records import verify as module
-from fidim_lab.app.records.verify import verify
+from fidim_lab.app.formats.verification import verify
 from fidim_lab.errors import FileError
 
 

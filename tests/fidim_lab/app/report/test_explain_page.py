@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.app.analysis.design_after import claims_of
+from fidim_lab.app.formats.explanation_file import as_file, claims_of, read_explanation
 from fidim_lab.app.formats.explanation_parts import EffectParameterTable, EffectTable
-from fidim_lab.app.report.contents.explanation_file import as_file, read_explanation
 from fidim_lab.app.report.contents.found_model import named_effect
 from fidim_lab.app.report.contents.proof import proof, rms
 from fidim_lab.app.report.drawings import spectra

@@ -260,7 +260,7 @@ def test_a_refusal_is_told(campaign, write_folder, monkeypatch):
     def refuse(folder):
         raise RefusedError("The windows do not identify a body <at all>.")
 
-    monkeypatch.setattr("fidim_lab.app.analysis.identify.run_identify", refuse)
+    monkeypatch.setattr("fidim_lab.app.workflows.identify.run_identify", refuse)
     read = Reader(page_of(write_folder(campaign), None))
     assert "The windows do not identify a body <at all>." in read.words
     assert "✗ nothing identified" in read.words
@@ -300,10 +300,10 @@ def test_mistakes_name_the_file(campaign, write_folder, result_of, tmp_path):
 @pytest.mark.shared
 @pytest.mark.slow
 def test_a_recorded_campaign_gets_its_report(shared, tmp_path, monkeypatch, capsys):
-    from fidim_lab.app.analysis.identify import run_identify
+    from fidim_lab.app.workflows.identify import run_identify
 
     monkeypatch.setattr(
-        "fidim_lab.app.analysis.identify.run_identify", lambda folder: run_identify(folder, predict=False)
+        "fidim_lab.app.workflows.identify.run_identify", lambda folder: run_identify(folder, predict=False)
     )
     out = tmp_path / "two.html"
     assert report_command(shared / "campaigns" / "open-two-at-once", out) == 0

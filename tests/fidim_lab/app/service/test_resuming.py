@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidim_lab.app.formats.run_spec import PLAN, RIG, RunSpec, write_spec
 from fidim_lab.app.service.process import opening
-from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, write_spec
 from fidim_lab.app.session import resume
 from fidim_lab.app.session.resume import ResumeOptions
 from fidim_lab.data.plan_file import read_plan, write_plan

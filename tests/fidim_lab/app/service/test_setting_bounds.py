@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import pytest
 
-from fidim_lab.app.service.spec import number_type, numbers, overridden
+from fidim_lab.app.formats.run_spec import number_type, numbers, overridden
 from fidim_lab.data.rigs.rig_guard_tables import GuardsTable
 from fidim_lab.errors import SetupError
 from procedures.settings import ReleaseSettings, Settings

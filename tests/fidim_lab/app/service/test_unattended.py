@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from fidim_lab.app.formats.run_spec import RunSpec, overridden, read_spec, write_spec
 from fidim_lab.app.service.main import prepare, write_inputs
 from fidim_lab.app.service.process.unattended import PatienceGuard, quiet, run_hook, write_summary
-from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
 from fidim_lab.app.session.run import RunOptions, make_spec, require_answers, run_command
 from fidim_lab.app.session.run_process import said_at_end
 from fidim_lab.data.records import Alignment, Role

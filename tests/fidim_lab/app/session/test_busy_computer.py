@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.formats.run_spec import RunSpec
 from fidim_lab.app.session.busy_computer import load_advice
 
 REHEARSAL = RunSpec(plan=Path("/p"), rig=Path("/r"), out=Path("my runs/r1"), embedded=True)

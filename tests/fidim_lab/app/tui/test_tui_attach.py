@@ -13,7 +13,7 @@ from fidim_lab.app.cli import run
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import ServicePlace
-from fidim_lab.app.session.dry_run import DryRunOptions
+from fidim_lab.app.session.dry_run_plan import DryRunOptions
 from fidim_lab.app.session.ui import finder_for
 from fidim_lab.app.session.ui_dry_run import make_spec, rig_table, with_winches
 from fidim_lab.app.tui.find import Finder

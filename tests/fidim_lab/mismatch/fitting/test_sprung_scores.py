@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Robot, Role
 from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
-from fidim_lab.effects.loads.damped_springs import DampedElasticity
+from fidim_lab.effects.cables.damped_springs import DampedElasticity
 from fidim_lab.effects.loads.periodic_force import PeriodicForce
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate

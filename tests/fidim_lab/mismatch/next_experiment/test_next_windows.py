@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import ncx2
 
-from fidim_lab.app.analysis.design_after import AfterOptions, after_command, claims_of
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.analysis.design_after import AfterOptions, after_command
+from fidim_lab.app.formats.explanation_file import ExplanationTable, claims_of
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window

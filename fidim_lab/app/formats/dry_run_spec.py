@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from fidim_lab.app.service.spec import NAME
+from fidim_lab.app.formats.run_spec import NAME
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.files.json_file import validated_json
 

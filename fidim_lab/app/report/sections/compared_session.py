@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.report.contents.explanation_file import ExplanationTable, read_explanation
+from fidim_lab.app.formats.explanation_file import EXPLANATION, ExplanationTable, read_explanation
 from fidim_lab.app.report.contents.folder import Contents, read_folder
-from fidim_lab.app.report.pages.write import EXPLANATION
 from fidim_lab.app.report.sections.tables import MARKS
 from fidim_lab.app.report.sections.windows import measured_tension
 from fidim_lab.data.records import Campaign, Role
@@ -86,7 +85,7 @@ def read_session(place: Path) -> ComparedSession:
 
 
 def _result(place: Path, contents: Contents) -> tuple[ResultTable | None, str]:
-    from fidim_lab.app.analysis.identify import run_identify
+    from fidim_lab.app.workflows.identify import run_identify
 
     path = place / RESULT
     if path.exists():

@@ -12,8 +12,10 @@ from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
+from fidim_lab.mismatch.next_experiment.proposal import Claim
 from fidim_lab.mismatch.unknown_force.field import Field
 
+EXPLANATION = "explanation.json"
 Triple = tuple[float, float, float]
 
 
@@ -89,3 +91,12 @@ def as_file(explanation: Explanation) -> ExplanationTable:
 def read_explanation(path: Path) -> ExplanationTable:
     """Read the file. Raises FileError with the key that is wrong."""
     return read_json_as(path, ExplanationTable.model_validate)
+
+
+def claims_of(explained: ExplanationTable) -> list[Claim]:
+    """The effects that something else may stand for."""
+    return [
+        Claim(e.id, e.cable, tuple(float(p.value or 0.0) for p in e.parameters.values()), e.alike)
+        for e in explained.effects
+        if e.alike and e.parameters
+    ]

@@ -4,15 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table
 
-from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.identification.motion.pose_sources import PoseSource
 from fidim_lab.identification.motion.virtual_markers import PoseDifference, Sensed, with_poses_from
-from fidim_lab.identification.results.result import IdentificationResult, InertialParameter
 from fidim_lab.units import millimetres
 
 DISAGREE = 2.0
@@ -36,25 +32,6 @@ def read_posed(folder: Path, source: PoseSource = PoseSource.MOCAP) -> PosedCamp
         return PosedCampaign(campaign)
     sensed = with_poses_from(campaign, source)
     return PosedCampaign(sensed.campaign, _notes(sensed, source), sensed.differences)
-
-
-def comparison(posed: PosedCampaign, here: IdentificationResult, mocap: IdentificationResult) -> RenderableType:
-    """Pose differences by window, and parameters from both sources side by side."""
-    poses = Table(title="Poses against those of the motion capture (rms of one coordinate)")
-    console.columns(poses, "window", "samples", "position, mm", "rotation, mrad")
-    for one in posed.differences:
-        poses.add_row(one.window, str(one.samples), f"{one.position * 1e3:.2f}", f"{one.rotation * 1e3:.1f}")
-    both = Table(title=f"Parameters by {here.method.value} (± spread between windows; s in mm, I in 1e-3 m²)")
-    console.columns(both, "parameter", "CAD", "this source", "motion capture")
-    for name, parameter in here.parameters.items():
-        other = mocap.parameters[name]
-        both.add_row(name, f"{millimetres(parameter.nominal):.2f}", _shown(parameter), _shown(other))
-    return Group(poses, both)
-
-
-def _shown(parameter: InertialParameter) -> str:
-    spread = parameter.sd if parameter.spread is None else parameter.spread
-    return f"{millimetres(parameter.value):.2f} ± {millimetres(spread):.2f}"
 
 
 def _notes(sensed: Sensed, source: PoseSource) -> tuple[str, ...]:

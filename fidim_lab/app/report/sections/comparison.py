@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from fidim_lab.app.records.compare_sessions import ComparedSession
+from fidim_lab.app.report.sections.compared_session import ComparedSession
 from fidim_lab.app.report.sections.explained import VERDICTS
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
