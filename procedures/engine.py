@@ -41,6 +41,8 @@ class ProcedureEnd:
 
     outcome: Outcome
     reason: str = ""
+    wrong_input: bool = False
+    """by a mistake in a file of the user's"""
 
 
 class Engine:

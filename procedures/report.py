@@ -46,6 +46,8 @@ class RunReport:
     """how each winch came to its last stop; empty where nothing was moved"""
     interrupted: bool = False
     """cancelled from outside (Ctrl-C)"""
+    wrong_input: bool = False
+    """ended by a mistake in a file of the user's, as in a procedure of their own"""
 
     @property
     def accepted(self) -> tuple[WindowRow, ...]:
@@ -54,9 +56,11 @@ class RunReport:
 
     @property
     def exit_code(self) -> int:
-        """As spec/formats.md fixes it: 0 done, 1 a refusal or failed check, 3 hardware or guard, 130 interrupted."""
+        """By spec/formats.md: 0 done, 1 refusal or failed check, 2 bad input, 3 hardware or guard, 130 interrupted."""
         if self.interrupted:
             return 130
+        if self.wrong_input and self.held:
+            return 2
         if self.outcome is Outcome.ERROR or not self.held:
             return 3
         return 0 if self.outcome.usable else 1

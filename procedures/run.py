@@ -121,7 +121,7 @@ class _Run:
             try:
                 ending = await self._perform(handlers, guards)
             except FidimError as problem:
-                ending = ProcedureEnd(_outcome(problem), str(problem))
+                ending = ProcedureEnd(_outcome(problem), str(problem), isinstance(problem, SetupError))
             except BaseException as problem:  # cancelled, or a bug: held first, raised afterwards
                 error, ending = problem, self._broken_off(problem)
             with deferred_interrupts():
@@ -188,11 +188,12 @@ class _Run:
             stopped=held.winches,
             seconds=self._rig.clock.now() - begin,
             interrupted=isinstance(error, asyncio.CancelledError | KeyboardInterrupt),
+            wrong_input=ending.wrong_input,
         )
         unwritten = await self._write_down(report)
-        if unwritten and report.outcome is not Outcome.ERROR:
+        if unwritten and (report.wrong_input or report.outcome is not Outcome.ERROR):
             reason = f"{report.reason} {unwritten}".strip()
-            report = replace(report, outcome=Outcome.ERROR, reason=reason)
+            report = replace(report, outcome=Outcome.ERROR, reason=reason, wrong_input=False)
         self._publish(RunFinished(self._rig.clock.now(), report))
         return report
 

@@ -5,7 +5,7 @@ parameter θ of the model with that prior about 0 (the file's value), so that es
 and every standard deviation counts what they do not. Combinations that no recording shows (gauges) stay at their prior.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,13 +78,19 @@ def as_found(mechanism: Mechanism, pieces: Mapping[tuple[str, int | None], Seque
 
     pieces: (name of a piece, 1-based cable or None) → by how much, m or rad.
     """
-    robot = mechanism.robot
-    known = stated(robot) or (*usual(robot), *usual_markers(robot))
-    opened = [one for one in known if (one.name, one.cable) in pieces]
+    opened = opened_by(mechanism.robot, pieces)
     if not opened:
         return mechanism
     theta = [*mechanism.theta.tolist(), *(float(by) for one in opened for by in pieces[one.name, one.cable])]
-    return Mechanism(robot, (*mechanism.effects, *(one.effect for one in opened)), theta, native=mechanism.native)
+    return Mechanism(
+        mechanism.robot, (*mechanism.effects, *(one.effect for one in opened)), theta, native=mechanism.native
+    )
+
+
+def opened_by(robot: Robot, pieces: Collection[tuple[str, int | None]]) -> tuple[Nuisance, ...]:
+    """What is open of the geometry where these pieces are: (name, 1-based cable or None)."""
+    known = stated(robot) or (*usual(robot), *usual_markers(robot))
+    return tuple(one for one in known if (one.name, one.cable) in pieces)
 
 
 def nuisances(robot: Robot, survey: Survey) -> tuple[Nuisance, ...]:

@@ -4,6 +4,7 @@ What goes wrong in it is told with that file and its line: it is no bug of ours.
 """
 
 import importlib.util
+import sysconfig
 import traceback
 from collections.abc import Generator
 from dataclasses import fields, is_dataclass
@@ -20,6 +21,13 @@ from procedures.protocols.experiment import Lab, Make
 from procedures.protocols.own_checks import mistake, unyielded
 from procedures.steps import Result, Step, Steps
 
+PACKAGES = ("drivers", "fidim_lab", "procedures", "sim_backends")
+ROOT = Path(procedures.__file__).resolve().parents[1]
+INSTALLED = (
+    *(ROOT / package for package in PACKAGES),
+    *(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")),
+)
+"""where no file is of a laboratory's own"""
 HINT = "docs/procedures.md shows a procedure; --debug shows the whole way there."
 
 
@@ -32,7 +40,8 @@ def own_procedure(path: Path) -> Make:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
+        file, place = _place(path, error)
+        raise FileError(file, place, f"cannot be imported: {type(error).__name__}: {error}.", hint=HINT) from error
     for line, wrong in unyielded(read_text(path), module):
         raise FileError(path, f"line {line}", f"{wrong}.", hint=HINT)
     function = getattr(module, "procedure", None)
@@ -56,7 +65,7 @@ def _told(path: Path, function: Any, lab: Lab) -> Steps:
         raise
     except Exception as error:
         wrong = f"{type(error).__name__}: {error}.{_takes(error)}{_not_yielded(error)}"
-        raise FileError(path, _line(path, error), wrong, hint=HINT) from error
+        raise FileError(*_place(path, error), wrong, hint=HINT) from error
 
 
 def _takes(error: Exception) -> str:
@@ -109,12 +118,23 @@ def _yielding(path: Path, steps: Any) -> str:
     return f"line {steps.gi_frame.f_lineno}"
 
 
-def _line(path: Path, error: Exception) -> str:
-    """Where in the file: the innermost of its lines that led to the error."""
-    file = path.resolve()
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file]
-    lines += [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    return f"line {lines[-1]}" if lines else "procedure"
+def _place(path: Path, error: Exception) -> tuple[Path, str]:
+    """File and line to blame: the innermost line of the laboratory's own that led to the error.
+
+    What the procedure imports from beside it is its own, too; installed packages are not, nor is this program.
+    """
+    if isinstance(error, SyntaxError) and error.filename and error.lineno:
+        return Path(error.filename), f"line {error.lineno}"
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.lineno and _is_own(Path(frame.filename))]
+    if not own:
+        return path, "procedure"
+    file = Path(own[-1].filename)
+    return path if file == path.resolve() else file, f"line {own[-1].lineno}"
+
+
+def _is_own(file: Path) -> bool:
+    return file.is_file() and not any(file.resolve().is_relative_to(folder) for folder in INSTALLED)
 
 
 def _shown(value: object) -> str:

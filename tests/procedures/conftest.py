@@ -273,8 +273,8 @@ class World:
         """How many moves were ordered after a winch was first told `word`."""
         return sum(w.commands[w.commands.index(word) :].count("move_to") for w in self.winches if word in w.commands)
 
-    async def carry_out(self, plan: Plan, folder: Path, **more: Any) -> RunReport:
-        experiment = catalogue.experiment("identify", plan, self.robot, self.settings, statics=comfortable)
+    async def carry_out(self, plan: Plan, folder: Path, procedure: str = "identify", **more: Any) -> RunReport:
+        experiment = catalogue.experiment(procedure, plan, self.robot, self.settings, statics=comfortable)
         if self.write is not None:
             more["write"] = self.write
         more.setdefault("listeners", (self.hear,))

@@ -13,10 +13,10 @@ from fidim_lab.app.formats.answer_file import write_summary
 from fidim_lab.app.formats.run_spec import RunSpec
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.session.busy_computer import load_advice
+from fidim_lab.app.session.after_run import advise
 from fidim_lab.app.session.left_holding import left_by, power_advice
 from fidim_lab.app.session.run_process import start_and_watch
-from fidim_lab.app.session.undo_stop import confirmed, stop_hint
+from fidim_lab.app.session.undo_stop import confirmed
 from fidim_lab.app.terminal import console
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
@@ -68,9 +68,7 @@ def commission_command(options: CommissionOptions) -> int:
         place = place_of(prepare(spec).file, embedded=spec.embedded)
         left = left_by(place)
         code = start_and_watch(spec, place, confirmed(spec))
-    if code:
-        for line in (*power_advice(out, options.rig, left), *stop_hint(spec), *load_advice(spec, code)):
-            console.err.print(line, markup=False, soft_wrap=True)
+    advise(spec, code, power_advice(out, options.rig, left))
     path = proofs_path(options.rig, embedded=options.embedded)
     of = "trials of the simulated drives passed" if options.embedded else "trials passed"
     console.out.print(f"proofs      {path}: {len(read_proofs(path))} {of}", markup=False, soft_wrap=True)

@@ -16,9 +16,9 @@ from fidim_lab.app.formats.run_spec import RunSpec, again, read_spec, read_summa
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.own_process import end_service, serves
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.session.busy_computer import load_advice
+from fidim_lab.app.session.after_run import advise
 from fidim_lab.app.session.run_process import start_and_watch
-from fidim_lab.app.session.undo_stop import confirmed, says_yes, stop_hint
+from fidim_lab.app.session.undo_stop import confirmed, says_yes
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import RefusedError
@@ -53,13 +53,7 @@ def resume_command(options: ResumeOptions) -> int:
     if (who := holder(place)) is not None and serves(who, folder):
         asyncio.run(end_service(place))  # it stays after its run, or refuses, which the next line says
     code = start_and_watch(spec, place, confirmed(spec))
-    if code:
-        for line in (
-            *power_hint(str(read_summary(folder).get("reason", "")), spec.rig, folder),
-            *stop_hint(spec),
-            *load_advice(spec, code),
-        ):
-            console.err.print(line, markup=False, soft_wrap=True)
+    advise(spec, code, power_hint(str(read_summary(folder).get("reason", "")), spec.rig, folder))
     write_summary(options.json_file, folder.absolute(), code)
     return code
 

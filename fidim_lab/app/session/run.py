@@ -15,10 +15,10 @@ from fidim_lab.app.formats.answer_file import write_answer, write_summary
 from fidim_lab.app.formats.run_spec import AnswerSpec, RunSpec, UnattendedSpec
 from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.session.busy_computer import load_advice
+from fidim_lab.app.session.after_run import advise
 from fidim_lab.app.session.left_holding import left_by, power_advice
 from fidim_lab.app.session.run_process import start_and_watch
-from fidim_lab.app.session.undo_stop import confirmed, stop_hint
+from fidim_lab.app.session.undo_stop import confirmed
 from fidim_lab.app.terminal import console
 from fidim_lab.errors import SetupError
 from procedures.protocols.catalogue import never_asks
@@ -77,13 +77,7 @@ def run_command(options: RunOptions) -> int:
     place = place_of(work.file, embedded=spec.embedded)
     left = left_by(place)
     code = start_and_watch(spec, place, confirmed(spec, asks=not spec.alone))
-    if code:
-        for line in (
-            *power_advice(spec.out, spec.rig, left),
-            *stop_hint(spec),
-            *load_advice(spec, code),
-        ):
-            console.err.print(line, markup=False, soft_wrap=True)
+    advise(spec, code, power_advice(spec.out, spec.rig, left))
     write_summary(options.json_file, spec.out, code)
     return code
 

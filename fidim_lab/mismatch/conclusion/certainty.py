@@ -10,8 +10,8 @@ from dataclasses import replace
 from itertools import combinations
 
 from fidim_lab.effects.equivalences import holds_others, shared_by
+from fidim_lab.effects.without_term import HandContact
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
-from fidim_lab.mismatch.conclusion.merge_cleaning import HAND
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 
 
@@ -22,7 +22,7 @@ def only_certain(told: Explanation) -> Explanation:
     one of them has a rival: what stands in its place would change the others. A steady force always has one: gravity
     that is tilted does the same.
     """
-    laws = [cause for cause in told.effects if cause.id != HAND]
+    laws = [cause for cause in told.effects if cause.id != HandContact.id]
     alike = any(shared_by((one.id, other.id)) for one, other in combinations(told.effects, 2))
     rivalled = any(holds_others(cause.id) or not cause.single for cause in laws)
     few = len(laws) < CONCLUSION.certainty_many

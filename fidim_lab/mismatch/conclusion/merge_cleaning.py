@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 
+from fidim_lab.effects.without_term import HandContact
 from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, MismatchPlace, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
-
-HAND = "hand-contact"
 
 
 def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
@@ -51,7 +50,7 @@ def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
         parameters[f"{contact.window} begin{suffix}"] = EffectParameter(contact.begin, contact.sd, "s")
         parameters[f"{contact.window} end{suffix}"] = EffectParameter(contact.end, contact.sd, "s")
     says = "an unknown wrench during part of a window, as of an operator's hand; the fit leaves these times out"
-    return NamedCause(HAND, None, (), parameters, says, single=True)
+    return NamedCause(HandContact.id, None, (), parameters, says, single=True)
 
 
 def _places(cleaned: Cleaned) -> tuple[MismatchPlace, ...]:

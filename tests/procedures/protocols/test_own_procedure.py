@@ -1,12 +1,14 @@
 """A mistake in a procedure of somebody's own is told before anything moves, with its file, line and step."""
 
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from fidim_lab.errors import FidimError
+from fidim_lab.errors import FidimError, FileError
+from procedures.outcomes import Outcome
 from procedures.protocols.catalogue import experiment
 from procedures.protocols.listing import Outline
 
@@ -82,6 +84,45 @@ def test_one_without_a_mistake_is_listed(line, world, lab, tmp_path):
     own.write_text(OWN.format(line=line, step="Hold(window=window.id)"), encoding="utf-8")
     made = experiment(str(own), lab.plan, world.robot, world.settings, statics=comfortable)
     assert Outline(made.procedure).steps
+
+
+READ_LATE = READ.replace("yield ReadEncoders", "seen = yield ReadEncoders") + "\n        {use}"
+
+
+@pytest.mark.parametrize(
+    ("use", "file", "says"),
+    [
+        ("seen.values and seen.values[9]", "own.py", r"line 13: IndexError: tuple index out of range"),
+        ("mean(seen.values)", "figures.py", r"line 2: TypeError: "),
+        ("seen.values and (yield Settle(window=window))", "own.py", r"line 13: TypeError: Settle"),
+        ("seen.values and (yield Hold(window='i99'))", "own.py", r"line 13: step \d+, Hold: the plan has no window"),
+    ],
+)
+def test_a_mistake_that_only_the_run_meets_is_bad_input_of_its_file(use, file, says, world, lab, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "figures", raising=False)
+    figures = "def mean(values):\n    return values and sum(values) / str(len(values))\n"
+    (tmp_path / "figures.py").write_text(figures, encoding="utf-8")
+    own = tmp_path / "own.py"
+    text = OWN.format(line=READ_LATE.format("goal", 1.0, use=use), step="Hold(window=window.id)")
+    own.write_text(text.replace("from procedures.outcomes", "from figures import *; from procedures.outcomes"))
+    report = world.run(lab.one, tmp_path / "run", procedure=str(own))
+    assert report.exit_code == 2, report.reason
+    assert report.outcome is Outcome.ERROR
+    assert report.held
+    assert re.match(re.escape(str(tmp_path / file)) + ": " + says, report.reason)
+
+
+def test_a_mistake_in_what_it_imports_is_told_of_that_file(world, lab, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "wrong_figures.py").write_text("\nfactor = 1 / 0\n", encoding="utf-8")
+    own = tmp_path / "own.py"
+    own.write_text("import wrong_figures\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"wrong_figures.py: line 2: cannot be imported: ZeroDivisionError"):
+        experiment(str(own), lab.plan, world.robot, world.settings, statics=comfortable)
+    own.write_text("def procedure(lab)\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"own.py: line 1: cannot be imported: SyntaxError"):
+        experiment(str(own), lab.plan, world.robot, world.settings, statics=comfortable)
 
 
 PAGE = (Path(__file__).parents[3] / "docs" / "procedures.md").read_text(encoding="utf-8")

@@ -11,16 +11,15 @@ from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.without_term import HandContact
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable, read_result
-from fidim_lab.identification.survey import as_found
+from fidim_lab.identification.survey import as_found, opened_by
 from fidim_lab.model.mechanism import Mechanism
 
 Found = IdentificationResult | ResultTable | ExplanationTable
 """by identify or explain, just now or as their files say"""
-HAND = "hand-contact"
-"""no wrench: times that the fit leaves out"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +48,28 @@ def found_model(told: Found, robot: Robot, *, native: bool = False) -> Model:
     Raises SetupError for an effect that the catalogue does not have.
     """
     if isinstance(told, ExplanationTable):
-        model = completed_model(told, robot, native=native)
+        model = _with_effects(told, robot, native=native)
     else:
         model = Model(Mechanism(robot, native=native), told.body.vector)
-    made = as_found(model.mechanism, {} if told.geometry is None else told.geometry.pieces)
+    made = as_found(model.mechanism, _pieces(told))
     return Model(made, np.concatenate([model.body.vector, made.theta]))
 
 
-def completed_model(found: ExplanationTable, robot: Robot, *, native: bool = False) -> Model:
-    """The model with what was named, as the explanation's numbers say. Raises SetupError for an unknown effect."""
-    simulated = [effect for effect in found.effects if effect.id != HAND]
-    chosen = [named_effect(effect, robot) for effect in simulated]
-    pairs = zip(simulated, chosen, strict=True)
-    theta = [float(told.parameters[p.name].value or 0.0) for told, effect in pairs for p in effect.parameters]
+def _with_effects(found: ExplanationTable, robot: Robot, *, native: bool = False) -> Model:
+    """The robot file's geometry with what was named. Raises SetupError for an unknown effect."""
+    # a hand is no wrench: the fit leaves its times out
+    simulated = [(effect, named_effect(effect, robot)) for effect in found.effects if effect.id != HandContact.id]
+    # a geometry that is off is named by the piece that is off most, which is among those that come behind the effects
+    counted = {one.effect for one in opened_by(robot, _pieces(found))}
+    kept = [(told, effect) for told, effect in simulated if effect not in counted]
+    theta = [float(told.parameters[p.name].value or 0.0) for told, effect in kept for p in effect.parameters]
     shared = np.concatenate([body_vector(found.parameters), theta])
-    return Model(Mechanism(robot, tuple(chosen), theta, native=native), shared)
+    return Model(Mechanism(robot, tuple(effect for _, effect in kept), theta, native=native), shared)
+
+
+def _pieces(found: Found) -> dict[tuple[str, int | None], tuple[float, ...]]:
+    """Of the geometry that was found; none where it is the file's."""
+    return {} if found.geometry is None else found.geometry.pieces
 
 
 def named_effect(told: EffectTable, robot: Robot) -> NamedEffect:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.app.formats.explanation_file import ExplanationTable
-from fidim_lab.app.report.contents.found_model import HAND, Model, body_vector, completed_model
+from fidim_lab.app.report.contents.found_model import Model, body_vector, found_model
 from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.effects.without_term import HandContact
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.judge import Remainder
@@ -47,7 +48,7 @@ def proof(found: ExplanationTable, campaign: Campaign, unknown: UnknownForce | N
     notes: list[str] = []
     before = Model(Mechanism(campaign.robot), body_vector(found.parameters_before))
     after = _completed(found, campaign, unknown, notes)
-    touched = [name for effect in found.effects if effect.id == HAND for name in effect.parameters]
+    touched = [name for effect in found.effects if effect.id == HandContact.id for name in effect.parameters]
     candidates = campaign.of_role(Role.VALIDATE) or campaign.of_role(Role.IDENTIFY)
     windows = [w for w in candidates if not any(name.startswith(f"{w.id} ") for name in touched)]
     compared: list[ComparedWindow] = []
@@ -65,10 +66,10 @@ def _completed(
 ) -> Model | None:
     if unknown is not None:
         return Model(unknown.fit.likelihood.mechanism, unknown.fit.values)
-    if all(effect.id == HAND for effect in found.effects):
+    if found.geometry is None and all(effect.id == HandContact.id for effect in found.effects):
         return None
     try:
-        return completed_model(found, campaign.robot)
+        return found_model(found, campaign.robot)
     except SetupError as error:
         notes.append(f"No picture of the completed model: {error}")
         return None

@@ -21,6 +21,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Windo
 from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.errors import FileError
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.mismatch.conclusion.explanation import (
     Before,
     BodyParameter,
@@ -96,6 +97,24 @@ def test_the_stated_numbers_reproduce_the_improvement(dragged, explanation):
     assert one.before.chi2_per_dof > 5 * one.after.chi2_per_dof
     assert rms([one.after]) == pytest.approx(dragged.robot.sensors.marker_noise, rel=0.1)
     assert shown.notes == ()
+
+
+def test_the_geometry_that_was_found_is_part_of_what_predicts(dragged, explanation):
+    moved = Moved("anchor", 1, (0.0, 0.0, 0.004), (1e-4,) * 3)
+    here = proof(as_file(explanation), dragged).windows[0]
+    elsewhere = proof(as_file(replace(explanation, geometry=Geometry(50.0, (moved,)))), dragged).windows[0]
+    assert elsewhere.before.chi2_per_dof == pytest.approx(here.before.chi2_per_dof)
+    assert elsewhere.after.chi2_per_dof > 1.5 * here.after.chi2_per_dof
+    alone = proof(as_file(replace(explanation, effects=(), geometry=Geometry(50.0, (moved,)))), dragged).windows[0]
+    named = NamedCause(
+        "anchor-offset",
+        1,
+        (),
+        {f"d{x}": EffectParameter(by, 1e-4, "m") for x, by in zip("xyz", moved.by, strict=True)},
+        "",
+    )
+    once = proof(as_file(replace(explanation, effects=(named,), geometry=Geometry(50.0, (moved,)))), dragged).windows[0]
+    assert once.after.chi2_per_dof == pytest.approx(alone.after.chi2_per_dof), "the piece that is named counts once"
 
 
 @pytest.mark.slow

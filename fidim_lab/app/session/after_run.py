@@ -1,4 +1,4 @@
-"""What a computer that has too much to do has to do with a run that was stopped: said after it, never held against it.
+"""What is said after a run that did not end well: of drives, a latched stop, a computer that has too much to do.
 
 Guards judge by what they see: samples that come late are late, whatever the reason, and a real robot would move on
 meanwhile. So a rehearsal whose simulators share an overloaded computer is stopped honestly; only the cause is not at
@@ -7,27 +7,36 @@ the winches.
 
 import os
 import shlex
-from pathlib import Path
+from collections.abc import Iterable
 
 from fidim_lab.app.formats.run_spec import RunSpec, read_summary
+from fidim_lab.app.session.undo_stop import stop_hint
+from fidim_lab.app.terminal import console
 from fidim_lab.errors import HardwareError
 
 EMERGENCY_STOP = "The emergency stop guard"
 """begin of the reason of a run that a person stopped"""
 
 
+def advise(spec: RunSpec, code: int, power: Iterable[str]) -> None:
+    """Say on standard error what to do after a run with this exit code; nothing after one that ended well.
+
+    power: lines about drives that hold the load.
+    """
+    for line in (*power, *stop_hint(spec), *load_advice(spec, code)) if code else ():
+        console.err.print(line, markup=False, soft_wrap=True)
+
+
 def load_advice(spec: RunSpec, code: int, load: float | None = None, cores: int | None = None) -> tuple[str, ...]:
     """Lines to print after a run with this exit code; none where the computer had time.
 
-    Nothing is said where a person stopped it, or a mistake in a procedure of somebody's own.
-
+    Nothing is said where a person stopped it.
     load: processes that wanted to compute, mean of the last minute; cores: for how many there is room.
     """
     cores = cores or os.cpu_count() or 1
     load = os.getloadavg()[0] if load is None else load
     reason = str(read_summary(spec.out).get("reason", ""))
-    own = (str(Path(spec.procedure).absolute()), spec.procedure) if spec.procedure.endswith(".py") else ()
-    if code != HardwareError.exit_code or load <= cores or any(one in reason for one in (*own, EMERGENCY_STOP)):
+    if code != HardwareError.exit_code or load <= cores or EMERGENCY_STOP in reason:
         return ()
     where = (
         "The simulated drives share it: what came late did so for that reason, not at the winches."
