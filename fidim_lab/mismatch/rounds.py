@@ -109,15 +109,15 @@ class Rounds:
         """The readings put right, where their errors take nearly all and effects or geometry say less.
 
         A wrong geometry makes lengths miss by another amount in every window too: an error counts only where it is
-        evident beside an open geometry.
+        evident beside an open geometry, and more so than any effect there.
         """
         errors = reading_errors(recorded.fit, recorded.campaign, SCORES.enough)
-        if errors is None or (seen is not None and errors.nats < most_of_effects(seen, errors.temper) + ODDS):
+        if errors is None or _effects_say_more(seen, errors):
             return None
         general = None if seen is None else rival(seen)
         open_fit = opened(recorded, 1.0 if general is None else general.factor, self.say)
         beside = reading_errors(open_fit.fit, recorded.campaign, SCORES.enough)
-        if beside is None:
+        if beside is None or _effects_say_more(first_look(open_fit), beside):
             return None
         errors = errors if errors.kinds <= beside.kinds else beside
         right = self._put_right(cleaned, errors)
@@ -255,6 +255,11 @@ class _Right:
         """Where the search of it ends. recorded: the baseline of the campaign as it was recorded."""
         found = self.rounds.searched(self.cleaned, recorded, self.exact, first_look(self.exact))
         return replace(found, errors=self.errors)
+
+
+def _effects_say_more(seen: View | None, errors: ReadingErrors) -> bool:
+    """Whether readings do not lead the effects that were looked at by odds of 20; never where nothing is missing."""
+    return seen is not None and errors.nats < most_of_effects(seen, errors.temper) + ODDS
 
 
 def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:
