@@ -49,7 +49,7 @@ MARKER_READERS: Mapping[str, Callable[[Path], MarkerLog]] = MappingProxyType(
 MAPPED, BAGS = "csv", ("mcap", "ros2-bag")
 """alike, by a column map; and by topics"""
 VIRTUAL = 0.2
-"""m, from the marker to three virtual ones along the body's axes where only poses were exported: as real ones are"""
+"""m, from the marker to two virtual ones along the body's axes where only poses were exported: as real ones are"""
 
 
 @dataclass(frozen=True)
@@ -181,13 +181,13 @@ def _logs(options: ImportOptions, cables: int) -> tuple[list[EncoderLog], dict[s
 
 
 def _with_markers(robot: Robot, takes: Sequence[Take]) -> Robot:
-    """The robot with three virtual markers more, where it names too few and only poses were exported."""
+    """The robot with two virtual markers more, where it names too few and only poses were exported."""
     if len(robot.markers) >= 3:
         return robot
     if any(not take.markers.bodies for take in takes):
         what = f"The robot file names {len(robot.markers)} markers; a pose needs three."
         raise SetupError(what, hint="Add extra_markers, or export a rigid body.")
-    return replace(robot, extra_markers=tuple(robot.marker + VIRTUAL * axis for axis in np.eye(3)))
+    return replace(robot, extra_markers=tuple(robot.marker + VIRTUAL * axis for axis in np.eye(3)[:2]))
 
 
 def _id(stem: str) -> str:

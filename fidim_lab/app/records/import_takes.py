@@ -100,6 +100,7 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
 
 def _doubts(window: str, names: Sequence[str], markers: np.ndarray, rms: np.ndarray) -> Sequence[str]:
     seen = np.isfinite(markers).all(axis=2).mean(axis=0)
+    seen[seen == 0.0] = np.nan  # of poses, three markers are computed
     doubts = [
         f"window {window}: marker {name} is seen in {share:.0%} of it"
         for name, share in zip(names, seen, strict=True)

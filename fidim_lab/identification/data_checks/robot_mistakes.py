@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.data.records import Robot, Window
+from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.data_checks.placed import placed, rests
 from fidim_lab.identification.data_checks.poses import PoseSamples, misfit, sampled
@@ -48,7 +49,7 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     unchanged = Mechanism(robot)
     before = misfit(unchanged, sample.lengths, sample.markers)
     if before >= least:
-        before = min(before, _hanging(unchanged, sample))
+        before = min(before, _hanging(unchanged, sample), _as_markers_say(unchanged, sample))
     if before < least:
         return ()
     tried = sorted(
@@ -82,6 +83,12 @@ def _hanging(unchanged: Mechanism, sample: PoseSamples) -> float:
     except FidimError:
         return np.inf
     return misfit(unchanged, sample.lengths, sample.markers, near)
+
+
+def _as_markers_say(unchanged: Mechanism, sample: Sample) -> float:
+    """The misfit near the rotations that three markers or more show: two cables let a platform lean by any angle."""
+    near = fit_pose(sample.markers, unchanged.robot.markers[: sample.markers.shape[1]])[1]
+    return misfit(unchanged, sample.lengths, sample.markers, near) if np.isfinite(near).all() else np.inf
 
 
 def _cures(before: float, after: float) -> bool:

@@ -165,6 +165,8 @@ FORMATS: dict[str, Callable[[Swing, Path], list[str]]] = {
     writer.__name__: writer
     for writer in (vicon, vicon_objects, motive, qtm_6d, qtm_mat, c3d, mapped, ros_poses, mcap_points)
 }
+POSES = ("vicon_objects", "motive", "qtm_6d", "mapped", "ros_poses")
+"""without markers: three of five are computed"""
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -181,7 +183,7 @@ def test_every_format_gives_the_same_window(name: str, swing: Swing, tmp_path: P
         at = np.rint(window.t * RATE).astype(int)
         off = window.markers - swing.markers[at]
         assert np.nanmax(np.abs(off)) < 3e-4, told
-        assert np.isfinite(off).all(axis=2).mean() > 0.9
+        assert np.isfinite(off).all(axis=2).mean() > (0.55 if name in POSES else 0.9)
         assert window.lengths is not None
         held = np.median(Mechanism(swing.robot).lengths(swing.p[at], swing.R[at]), axis=0)
         assert np.nanmean(window.lengths, axis=0) == pytest.approx(held, abs=2e-4)

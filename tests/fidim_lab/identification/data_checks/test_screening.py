@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Body, Campaign, Role, Window
@@ -291,6 +292,22 @@ def _with_attachments(robot, order):
 
 def _with_radii(robot, factor):
     return replace(robot, cables=tuple(replace(c, radius=factor * c.radius) for c in robot.cables))
+
+
+@pytest.mark.parametrize("lean", [0.0, -0.8, -1.2, 2.0])
+def test_a_platform_that_leans_by_its_markers_contradicts_nothing(irma4, lean):
+    """Two cables on one side of the body let it hang turned by a radian and more."""
+    robot = replace(irma4, cables=irma4.cables[:2], extra_markers=EXTRA)
+    random, windows = np.random.default_rng(4), []
+    turned = Rotation.from_rotvec([lean, 0.05, 0.2])
+    for place in PLACES:
+        spots = np.array(place) + turned.apply(robot.markers)
+        held = Mechanism(robot).lengths(np.array(place)[None], turned.as_matrix()[None])
+        markers = spots + NOISE * random.standard_normal((401, 4, 3))
+        windows.append(Window("w", Role.IDENTIFY, np.arange(401) / 100, markers, np.tile(held, (401, 1)), None))
+    assert find_mistakes(robot, tuple(windows)) == ()
+    swapped = replace(robot, cables=robot.cables[::-1])
+    assert find_mistakes(swapped, tuple(windows))
 
 
 def test_a_recording_whose_z_axis_is_another_is_named(clean):

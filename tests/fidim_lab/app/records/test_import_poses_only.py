@@ -1,0 +1,48 @@
+"""Poses without markers: the campaign claims no more about the platform than the poses do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.app.cli import fidim
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.rigid_body import fit_pose
+from fidim_lab.data.robot_file import write_robot
+
+from .conftest import Swing
+
+
+def bodies_of_qualisys(swing: Swing) -> str:
+    """6D as QTM writes it, with the angles that nobody should use."""
+    rows = [
+        ["Frame", "Time", "plate X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{k}]" for k in range(9))]
+    ]
+    turned = Rotation.from_quat(swing.quaternions).as_matrix()
+    for k, (place, matrix) in enumerate(zip(swing.p, turned, strict=True)):
+        numbers = [*(1e3 * place), 0.0, 0.0, 0.0, 0.3, *matrix.ravel(order="F")]
+        rows.append([str(k + 1), f"{k / 100:.5f}", *(f"{x:.6f}" for x in numbers)])
+    head = ["NO_OF_BODIES\t1", "FREQUENCY\t100", "EVENT\tlet go\t1\t0.01", "DATA_INCLUDED\t6D", "BODY_NAMES\tplate\t\t"]
+    return "\r\n".join([*head, *("\t".join(row) for row in rows), ""])
+
+
+@pytest.mark.parametrize("markers", [1, 5])
+def test_three_markers_stand_for_a_pose(markers: int, swing: Swing, tmp_path: Path):
+    robot = swing.robot if markers == 5 else swing.robot.__class__(**{**vars(swing.robot), "extra_markers": ()})
+    write_robot(tmp_path / "robot.toml", robot)
+    (tmp_path / "take.tsv").write_text(bodies_of_qualisys(swing), encoding="utf-8")
+    arguments = ["qtm-tsv", str(tmp_path / "take.tsv"), "--robot", str(tmp_path / "robot.toml")]
+    done = CliRunner().invoke(fidim, ["import", *arguments, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert "is seen in" not in done.output
+    campaign = read_campaign(tmp_path / "out")
+    for window in campaign.windows:
+        seen = np.isfinite(window.markers).all(axis=2).sum(axis=1)
+        assert set(seen) <= {0, 3}
+        where, turned, _ = fit_pose(window.markers, campaign.robot.markers)
+        at = np.rint(window.t * 100).astype(int)
+        known = seen == 3
+        assert where[known] == pytest.approx(swing.p[at][known], abs=1e-5)
+        assert turned[known] == pytest.approx(swing.R[at][known], abs=1e-4)
