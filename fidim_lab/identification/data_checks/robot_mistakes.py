@@ -85,7 +85,7 @@ def _hanging(unchanged: Mechanism, sample: PoseSamples) -> float:
     return misfit(unchanged, sample.lengths, sample.markers, near)
 
 
-def _as_markers_say(unchanged: Mechanism, sample: Sample) -> float:
+def _as_markers_say(unchanged: Mechanism, sample: PoseSamples) -> float:
     """The misfit near the rotations that three markers or more show: two cables let a platform lean by any angle."""
     near = fit_pose(sample.markers, unchanged.robot.markers[: sample.markers.shape[1]])[1]
     return misfit(unchanged, sample.lengths, sample.markers, near) if np.isfinite(near).all() else np.inf
