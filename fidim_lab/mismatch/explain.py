@@ -68,11 +68,10 @@ def explain(
     last = reached.last
     judged = unless_outdone(judge(last.found), last.found, last.cleaned.campaign, say)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
-    if reached.before is not last.baseline:
-        told = _beside(reached.before, told)
+    told = _beside(reached.before, told)
     told = with_geometry(told, last.baseline, reached.exact, judged)
     told = with_readings(told, reached.errors, cleaned)
-    told = with_timing(told, judged.named.model, put_right=last is not reached.first)
+    told = with_timing(told, judged.named.model, put_right=last.retimed)
     whole = with_unknown(told, judged.named, last.cleaned.campaign, say, judged.outdone_by)
     last_word = judged.named.model if whole.unknown is None else Completed((), whole.unknown.fit, whole=True)
     whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)

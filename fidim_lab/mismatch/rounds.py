@@ -47,6 +47,8 @@ class Round:
     """what was searched"""
     baseline: Baseline
     found: Selection
+    retimed: bool = False
+    """whether the cameras' clock was put right for it"""
 
     @property
     def unexplained(self) -> tuple[bool, float]:
@@ -189,21 +191,28 @@ class Rounds:
         )
 
     def _look(
-        self,
-        cleaned: Cleaned,
-        baseline: Baseline,
-        known: Completed | None = None,
-        cuts: int = MOST_CUTS,
-        seen: View | None = None,
+        self, cleaned: Cleaned, baseline: Baseline, known: Completed | None = None, seen: View | None = None
     ) -> Round:
-        found = select(baseline, self.say, pushes=cuts > 0, known=known, patience=self.patience, seen=seen)
-        if not found.pushes:
-            return Round(cleaned, baseline, found)
-        less = _without(cleaned, found.pushes, self.say)
-        again = self._look(less, self.fitted(less.campaign, baseline), known=found.best.model, cuts=cuts - 1)
-        if again.found.best.is_white or self.patience.ended:
-            return again
-        return Round(cleaned, baseline, select(baseline, self.say, pushes=False, patience=self.patience))
+        """Search; where it is broken off for pushes, cut these out and search again.
+
+        Where the windows without pushes leave structure too, the pushes were none: the last round that was broken off
+        is then searched to its end instead.
+        """
+        broken_off: list[Round] = []
+        found = select(baseline, self.say, known=known, patience=self.patience, seen=seen)
+        while found.pushes:
+            broken_off.append(Round(cleaned, baseline, found))
+            cleaned = _without(cleaned, found.pushes, self.say)
+            baseline = self.fitted(cleaned.campaign, baseline)
+            more = len(broken_off) < MOST_CUTS
+            found = select(baseline, self.say, pushes=more, known=found.best.model, patience=self.patience)
+        reached = Round(cleaned, baseline, found)
+        for before in reversed(broken_off):
+            if reached.found.best.is_white or self.patience.ended:
+                break
+            found = select(before.baseline, self.say, pushes=False, patience=self.patience)
+            reached = Round(before.cleaned, before.baseline, found)
+        return reached
 
     def _by_the_right_clock(self, first: Round) -> Round:
         """The search with the cameras' stamps put right, where currents say that they run away; else `first` itself.
@@ -217,7 +226,7 @@ class Rounds:
         self.say("by the motor currents the clocks run apart: looking again with the cameras' put right")
         cleaned = replace(first.cleaned, campaign=campaign)
         again = self._look(cleaned, self.fitted(cleaned.campaign, first.baseline))
-        return again if again.unexplained <= first.unexplained else first
+        return replace(again, retimed=True) if again.unexplained <= first.unexplained else first
 
     def _with_geometry_open(self, cleaned: Cleaned, exact: Baseline, first: Round, last: Round) -> tuple[Round, Round]:
         """The rounds with an open geometry, where that says more than what was found and explains as much."""

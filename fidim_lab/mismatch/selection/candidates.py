@@ -56,18 +56,17 @@ def improves(fresh: Candidate, best: Candidate, *, feeble: bool = False) -> bool
     return feeble or fresh.is_white or rest - fresh.whiteness.excess > SCORES.feeble * rest
 
 
-def accepted(best: Candidate, fresh: Sequence[Candidate], *, feeble: bool = False) -> Candidate:
-    """The most convincing of those that also predict held-out windows better; `best` where there is none.
+def accepted(best: Candidate, fresh: Sequence[Candidate], *, feeble: bool = False) -> Candidate | None:
+    """The most convincing of those that also predict held-out windows better than `best`; None where there is none.
 
     feeble: also where most of what whole windows lack stays: it may be of something else, which drowns the rest there.
     """
     usable = [c for c in fresh if improves(c, best, feeble=feeble)]
     models = [c.model for c in usable]
-    if not best.model.whole:
-        chosen = best_of(models) if models else best.model
-    else:
-        chosen = most_convincing(best.model, models)
-    return of_model(chosen, usable) or best
+    if not models:
+        return None
+    chosen = more_convincing(best.model, models) if best.model.whole else best_of(models)
+    return None if chosen is None else of_model(chosen, usable)
 
 
 def of_model(model: Completed, candidates: Iterable[Candidate]) -> Candidate | None:
@@ -75,11 +74,16 @@ def of_model(model: Completed, candidates: Iterable[Candidate]) -> Candidate | N
     return next((candidate for candidate in candidates if candidate.model is model), None)
 
 
-def most_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed:
-    """Of models with more evidence than `best`, the one with most; of those within 5 nats, the smallest."""
+def more_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed | None:
+    """Of models with more evidence than `best`, the one with most; of those within 5 nats, the smallest; or None."""
     scale = common_scale([best, *fresh])
     better = [m for m in fresh if evidence(m, best, scale) > SCORES.enough]
-    return best_of(better) if better else best
+    return best_of(better) if better else None
+
+
+def most_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed:
+    """As `more_convincing`; `best` where there is none."""
+    return more_convincing(best, fresh) or best
 
 
 def best_of(models: Sequence[Completed]) -> Completed:

@@ -5,6 +5,7 @@ thinks better of is in `select`.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -26,7 +27,9 @@ from fidim_lab.mismatch.selection.candidates import (
     advantage,
     best_of,
     common_scale,
+    more_convincing,
     most_convincing,
+    of_model,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
 from fidim_lab.mismatch.selection.thresholds import SELECTION
@@ -37,6 +40,22 @@ from fidim_lab.model.side_by_side import found_side_by_side
 from fidim_lab.say import Say
 
 
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """How far a search over whole windows has come."""
+
+    best: Candidate
+    last: View
+    """all scores at the best model"""
+    pushes: tuple[Contact, ...] = ()
+    """that are all that is left, for which it was broken off"""
+
+    @property
+    def is_broken_off(self) -> bool:
+        """Whether windows are to be cut before it goes on."""
+        return bool(self.pushes)
+
+
 class Search:
     """What is tried in which order, and what is accepted."""
 
@@ -44,8 +63,6 @@ class Search:
         self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience, seen: View | None = None
     ) -> None:
         self.start, self.say, self.look_for_pushes, self.patience = start, say, look_for_pushes, patience
-        self.pushes: tuple[Contact, ...] = ()
-        """for which it was broken off"""
         self.trials = Trials(start, say, patience, seen)
 
     def known_to_do(self, known: Completed | None) -> Candidate | None:
@@ -72,10 +89,8 @@ class Search:
             if self.patience.ended:
                 break
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
-            further = most_convincing(best, fresh)
-            for another_way in (self._exchanged, self._found_anew):
-                further = another_way(seen) if further is best else further
-            if further is best:
+            further = more_convincing(best, fresh) or self._exchanged(seen) or self._found_anew(seen)
+            if further is None:
                 break
             best = self.trials.in_best_form(self.trials.pruned(further))
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
@@ -88,19 +103,19 @@ class Search:
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in _distinct([best, *near])[: SELECTION.search_shortlist] if m.tried]
 
-    def _exchanged(self, seen: View) -> Completed:
-        """The model of the first seconds that was looked at, or it with another effect in the place of a term.
+    def _exchanged(self, seen: View) -> Completed | None:
+        """The model that was looked at with another effect in the place of a term, where that is more convincing.
 
         What came first bends to take the share of what was not there yet; beside that another may say more.
         """
         best = seen.model
         if best.is_white:
-            return best
+            return None
         fresh = in_their_place(seen, self.start.short_ground, self.say, SELECTION.search_siblings)
         self.trials.passing += fresh
-        return most_convincing(best, fresh)
+        return more_convincing(best, fresh)
 
-    def _found_anew(self, seen: View) -> Completed:
+    def _found_anew(self, seen: View) -> Completed | None:
         """The same, with a term that has many optima (a frequency) taken out, and scanned for once more."""
         best = seen.model
         many = [k for k, term in enumerate(best.tried) if term.has_scan]
@@ -109,10 +124,10 @@ class Search:
             if less is None or self.patience.ended:
                 continue
             fresh = self.trials.over_first_seconds(self.trials.additions(self.trials.look(less)))
-            further = most_convincing(best, fresh)
-            if further is not best:
+            further = more_convincing(best, fresh)
+            if further is not None:
                 return further
-        return best
+        return None
 
     def _together(self) -> list[Completed]:
         """Terms of models that did well over the first seconds, fitted together from nothing."""
@@ -125,12 +140,10 @@ class Search:
         self.trials.passing += fresh
         return fresh
 
-    def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
+    def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> tuple[Candidate, tuple[Contact, ...]]:
         """Models of the first seconds fitted to whole windows, and the best of them; hands where none follows."""
         best, followed = WholeWindows(self.start, self.say, self.patience, self.trials).best(baseline, short)
-        if not followed:
-            self.pushes = self._hands_beside(short)
-        return best
+        return best, () if followed else self._hands_beside(short)
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
@@ -142,30 +155,31 @@ class Search:
         self.say(f"looking for hands beside {model.label}")
         return find_contacts(predict_segments(model, self.start.campaign.windows))
 
-    def over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
-        """Additions until none is asked for, or a push is all that is left; the view from the last model.
+    def over_whole_windows(self, best: Candidate, pushes: tuple[Contact, ...] = ()) -> Standing:
+        """Additions until none is asked for, or pushes are all that is left; the view from the last model.
 
         Where structure stays, and only the first seconds were looked at, tones are listened for in whole windows.
+        pushes: for which the search is broken off already.
         """
         seen = self.trials.look(best.model)
-        if self.pushes:
-            return best, seen
+        if pushes:
+            return Standing(best, seen, pushes)
         if best.model.whole and self._in_vain(best):
-            self._pushed(best)
-            return best, seen
-        while best.model.whole and not self._pushed(best, *_best_score(seen)):
+            return Standing(best, seen, self._pushes_left(best))
+        while best.model.whole:
+            left = self._pushes_left(best, *_best_score(seen))
+            if left:
+                return Standing(best, seen, left)
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
-            if further is best:
-                if not self._pushed(best):
-                    self.pushes = self._pushed_alike(best)
-                break
-            pushed = self._with_pushes(further, fresh)
+            if further is None:
+                return Standing(best, seen, self._pushes_left(best) or self._pushes_alike(best))
+            pushed = self._with_pushes(further, fresh, seen)
             if pushed is not None:
-                return pushed, seen
+                return pushed
             best = further
             self.say(f"accepted: {best.model.label}, {best.held_out.says}")
             seen = self.trials.look(best.model)
-        return best, seen
+        return Standing(best, seen)
 
     def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
         """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
@@ -176,8 +190,8 @@ class Search:
             return ()
         return self.trials.additions(heard)
 
-    def _one_further(self, best: Candidate, additions: Sequence[Addition]) -> tuple[Candidate, list[Candidate]]:
-        """The best with one addition, or as it was; and what was tried for it.
+    def _one_further(self, best: Candidate, additions: Sequence[Addition]) -> tuple[Candidate | None, list[Candidate]]:
+        """The best with one addition, None where none is accepted; and what was tried for it.
 
         The simplest first; once one more term leaves only noise, what said less is not fitted any more.
         """
@@ -196,7 +210,7 @@ class Search:
             if fresh[-1].is_white and len(addition.score.tried) == 1:
                 done = max(done, addition.score.log_evidence)
         further = accepted(best, fresh)
-        if further is not best:
+        if further is not None:
             fresh += self.trials.wider_rivals(further, [best, *fresh])
             further = accepted(best, fresh)
         self.trials.tried += fresh
@@ -206,38 +220,37 @@ class Search:
         """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
         return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
 
-    def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate]) -> Candidate | None:
+    def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate], seen: View) -> Standing | None:
         """A model with fewer terms beside which pushes say more than the others do: a hand is no friction.
 
         Where the other terms leave structure, also one beside which every window is pushed at the same time.
         """
         fewer = [one for one in fresh if len(one.model.tried) < len(further.model.tried) and not one.is_white]
         for one in sorted(fewer, key=lambda c: len(c.model.tried)):
-            if self._pushed(one, advantage(further.model, one.model)):
-                return one
+            left = self._pushes_left(one, advantage(further.model, one.model))
+            if left:
+                return Standing(one, seen, left)
         if not fewer or further.is_white:
             return None
         least = min(len(one.model.tried) for one in fewer)
         simple = [one for one in fewer if len(one.model.tried) == least]
-        most_evident = best_of([one.model for one in simple])
-        best = next(one for one in simple if one.model is most_evident)
-        self.pushes = self._pushed_alike(best)
-        return best if self.pushes else None
+        best = of_model(best_of([one.model for one in simple]), simple)
+        alike = () if best is None else self._pushes_alike(best)
+        return None if best is None or not alike else Standing(best, seen, alike)
 
-    def _pushed(self, best: Candidate, least: float = -np.inf, inflation: float = 1.0) -> bool:
-        """Whether pushes are all that is left, and say more than so many nats.
+    def _pushes_left(self, best: Candidate, least: float = -np.inf, inflation: float = 1.0) -> tuple[Contact, ...]:
+        """Pushes that are all that is left, where they say more than so many nats.
 
         inflation: χ²/dof that counts as noise, beyond what all but the pushed windows show.
         """
         if not self.look_for_pushes:
-            return False
+            return ()
         found = find_pushes(best.model, best.held_out, self.start.held_out)
         gain = sum(push.gain or 0.0 for push in found)
         said = 0.5 * gain / inflation - SELECTION.push_cost * len(found)
-        self.pushes = found if said > least else ()
-        return bool(self.pushes)
+        return found if said > least else ()
 
-    def _pushed_alike(self, best: Candidate) -> tuple[Contact, ...]:
+    def _pushes_alike(self, best: Candidate) -> tuple[Contact, ...]:
         """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
         if not self.look_for_pushes or best.is_white or best.model.excess > FITTING.near:
             return ()

@@ -19,13 +19,13 @@ from fidim_lab.mismatch.selection.candidates import (
     accepted,
     best_of,
     candidate,
-    most_convincing,
+    more_convincing,
     of_model,
     price,
     rank,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
-from fidim_lab.mismatch.selection.search import Search
+from fidim_lab.mismatch.selection.search import Search, Standing
 from fidim_lab.mismatch.selection.single_force import LoneWrench
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
@@ -77,47 +77,52 @@ def select(
     say(f"without any effect: {baseline.held_out.says}")
     settled = search.known_to_do(known)
     best, lone = settled or baseline, LoneWrench(baseline, start.campaign, say)
-    if best is baseline and not start.follows:
-        short = search.over_first_seconds(lambda model: lone.outdoes([model]))
-        if search.trials.first is not None and lone.outdoes(short):
+    hands: tuple[Contact, ...] = ()
+    if settled is None and not start.follows:
+        short = search.over_first_seconds(lambda model: lone.seek([model]).outdoes([model]))
+        if search.trials.first is not None and lone.seek(short).outdoes(short):
             first, passing = search.trials.first, tuple(search.trials.passing)
             return Selection(baseline, baseline, (baseline,), passing, first, first, alone=lone.found, outdone=short[0])
-        best = search.best_over_all(baseline, short)
-    best, last = search.over_whole_windows(best)
+        best, hands = search.best_over_all(baseline, short)
+    standing = search.over_whole_windows(best, hands)
     # a model with which a search ended stood among its imitators already
-    if not (search.pushes or best is settled or search.patience.ended):
-        best, last = _with_imitators(search, best, last)
-        best, last = _with_siblings(search, best, last)
-    if not (search.pushes or start.follows or search.patience.ended):
-        best, last = _without_the_doubtful(search, best, last)
+    if not (standing.is_broken_off or standing.best is settled or search.patience.ended):
+        standing = _with_siblings(search, _with_imitators(search, standing))
+    if not (standing.is_broken_off or start.follows or search.patience.ended):
+        standing = _without_the_doubtful(search, standing)
+    best = standing.best
     return Selection(
         best=best,
         baseline=baseline,
         tried=tuple(sorted([baseline, *search.trials.tried], key=rank)),
         passing=tuple(search.trials.passing),
-        first=last if search.trials.first is None else search.trials.first,
-        last=last,
-        pushes=search.pushes,
+        first=standing.last if search.trials.first is None else search.trials.first,
+        last=standing.last,
+        pushes=standing.pushes,
         cut_short=search.patience.says if search.patience.ended and not best.is_white else "",
         alone=lone.found,
     )
 
 
-def _with_imitators(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+def _with_imitators(search: Search, standing: Standing) -> Standing:
     """The search on from what may stand in the place of a term, where that is more convincing.
 
     Each term was chosen before those that came after it: beside them another may do the same with less freedom.
     """
+    best = standing.best
     if not best.model.whole:
-        return best, last
-    fresh = [search.trials.judged(model) for model in in_their_place(last, search.start.whole_ground, search.say)]
+        return standing
+    fresh = [
+        search.trials.judged(model) for model in in_their_place(standing.last, search.start.whole_ground, search.say)
+    ]
     search.trials.tried += fresh
     as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * SCORES.enough]
-    chosen = of_model(most_convincing(best.model, [c.model for c in as_good]), as_good)
-    return (best, last) if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
+    more = more_convincing(best.model, [c.model for c in as_good])
+    chosen = None if more is None else of_model(more, as_good)
+    return standing if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
 
 
-def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+def _with_siblings(search: Search, standing: Standing) -> Standing:
     """The search on from a model that fits and does not predict, with an effect in it exchanged for its sibling.
 
     What a drag of the speed imitates of a drag of its square comes out elsewhere, and not where it swings wildest.
@@ -127,28 +132,29 @@ def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candida
         for c in search.trials.tried
         if c.model.whole and c.model.excess < SELECTION.select_fits and c.model.tried
     ]
-    if best.is_white or not fitting:
-        return best, last
+    if standing.best.is_white or not fitting:
+        return standing
     seen = search.trials.look(best_of(fitting))
     exchanged = in_their_place(seen, search.start.whole_ground, search.say, SELECTION.search_siblings)
     fresh = [search.trials.judged(model) for model in exchanged]
     search.trials.tried += fresh
-    further = accepted(best, fresh)
-    return (best, last) if further is best else search.over_whole_windows(search.trials.without_needless(further))
+    further = accepted(standing.best, fresh)
+    if further is None:
+        return standing
+    return search.over_whole_windows(search.trials.without_needless(further), standing.pushes)
 
 
-def _without_the_doubtful(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+def _without_the_doubtful(search: Search, standing: Standing) -> Standing:
     """The search once more without what the best model may have in another's place, where structure stays."""
-    first, pushes = best, search.pushes
-    for kept in _less_doubtful(first):
-        without = search.trials.keeping(first.model, kept)
-        if without is None or best.is_white:
+    found = standing
+    for kept in _less_doubtful(standing.best):
+        without = search.trials.keeping(standing.best.model, kept)
+        if without is None or found.best.is_white:
             continue
-        found, seen = search.over_whole_windows(search.trials.judged(without))
-        if found.whiteness.excess < best.whiteness.excess:
-            best, last, pushes = found, seen, search.pushes
-    search.pushes = pushes
-    return best, last
+        again = search.over_whole_windows(search.trials.judged(without))
+        if again.best.whiteness.excess < found.best.whiteness.excess:
+            found = again
+    return found
 
 
 def _less_doubtful(best: Candidate) -> list[list[int]]:

@@ -24,23 +24,30 @@ from fidim_lab.say import Say
 
 
 class LoneWrench:
-    """The wrench that does nearly all by itself, sought when it is first asked for."""
+    """The wrench that does nearly all by itself, once it was sought."""
 
     def __init__(self, baseline: Candidate, campaign: Campaign, say: Say) -> None:
         """baseline: the model as it is, beside which it stands."""
         self._baseline, self._campaign, self._say = baseline, campaign, say
         self.found: UnknownForce | None = None
-        """without terms where no wrench does nearly all; None before it was asked for, and where none can be sought"""
+        """without terms where no wrench does nearly all; None before it was sought, and where none can be sought"""
+
+    def seek(self, short: Sequence[Completed]) -> "LoneWrench":
+        """Find it, unless it was found before or these models cannot be stand-ins for it; returns itself.
+
+        short: of the first seconds, the best first.
+        """
+        if self.found is None and _may_be_stand_ins(short):
+            self.found = wrench_beside(self._baseline, self._campaign, short[0].label, self._say, alone=True)
+        return self
 
     def outdoes(self, short: Sequence[Completed]) -> bool:
         """Whether it leaves only noise of all windows, and says more of the first seconds than each of these models.
 
-        short: of the first seconds, the best first. One effect that leaves only noise there is no stand-in.
+        short: of the first seconds, the best first.
         """
-        if not short or (len(short[0].tried) == 1 and short[0].is_white):
+        if not _may_be_stand_ins(short):
             return False
-        if self.found is None:
-            self.found = wrench_beside(self._baseline, self._campaign, short[0].label, self._say, alone=True)
         found, judged = self.found, self._judged
         if found is None or judged is None or not judged.is_white:
             return False
@@ -53,6 +60,11 @@ class LoneWrench:
             return None
         model = Completed((), self.found.fit, whole=True)
         return candidate(model, predict(model, self._campaign.of_role(Role.VALIDATE)))
+
+
+def _may_be_stand_ins(short: Sequence[Completed]) -> bool:
+    """One effect that leaves only noise of the first seconds is none."""
+    return bool(short) and not (len(short[0].tried) == 1 and short[0].is_white)
 
 
 def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say, *, alone: bool) -> UnknownForce | None:

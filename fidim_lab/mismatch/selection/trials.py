@@ -20,6 +20,7 @@ from fidim_lab.mismatch.selection.candidates import (
     advantage,
     candidate,
     common_scale,
+    more_convincing,
     most_convincing,
     price,
     rest_of,
@@ -107,8 +108,8 @@ class Trials:
         judged = self.judged(model)
         if self.patience.ended or judged.is_white or not model.is_white:
             return judged
-        wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
-        return judged if wide is model else self.judged(wide)
+        wide = more_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
+        return judged if wide is None else self.judged(wide)
 
     def wider_rivals(self, further: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
         """Models with fewer terms that leave only noise, with these in wider forms: another term may stand for one."""

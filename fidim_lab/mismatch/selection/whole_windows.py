@@ -49,7 +49,7 @@ class WholeWindows:
                 fresh.append(self.trials.judged_or_wider(found, found.tried))
         self.trials.tried += fresh
         followed = not (fresh or in_vain) or any(one.model.excess < FITTING.near for one in fresh)
-        return accepted(baseline, fresh, feeble=True), followed
+        return accepted(baseline, fresh, feeble=True) or baseline, followed
 
     def _two_at_once(self, able: Sequence[Completed], as_it_is: Completed) -> dict[int, Completed | None]:
         """The first and the next that has other terms, side by side; none where the first alone is likely to do."""

@@ -38,6 +38,7 @@ def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
     asked: list[bool] = []
     monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
     monkeypatch.setattr(module, "common_scale", lambda _: 1.0)
+    monkeypatch.setattr(module, "more_convincing", lambda best, fresh: None)
     monkeypatch.setattr(module, "most_convincing", lambda best, fresh: best)
     search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience(-1.0))  # type: ignore[arg-type]
     monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
@@ -57,12 +58,12 @@ def test_a_soft_hand_at_the_same_time_of_every_window_is_found_beside_other_effe
     model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
     assert model is not None
     best = candidate(model, predict(model, start.held_out))
-    found = Search(start, lambda _: None, True, Patience())._pushed_alike(best)
+    found = Search(start, lambda _: None, True, Patience())._pushes_alike(best)
     assert {contact.window for contact in found} == {window.id for window in start.campaign.windows}
     for contact in found:
         assert contact.begin < 2.3
         assert contact.end > 3.5
-    assert Search(start, lambda _: None, False, Patience())._pushed_alike(best) == ()
+    assert Search(start, lambda _: None, False, Patience())._pushes_alike(best) == ()
 
 
 @pytest.mark.slow
@@ -73,10 +74,10 @@ def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_s
     start = baseline_of(hand, "cable-elasticity:EA=1.2e5,c=60", seed=43, windows=5, seconds=8.0)
     search = Search(start, lambda _: None, look_for_pushes=True, patience=Patience())
     baseline = candidate(start.as_it_is, start.predicted)
-    search.best_over_all(baseline, search.over_first_seconds(lambda _: False))
+    _, hands = search.best_over_all(baseline, search.over_first_seconds(lambda _: False))
     every = [one.id for one in start.campaign.windows]
-    assert [push.window for push in search.pushes] == (every if window == 0 else [every[window - 1]])
-    for push in search.pushes:
+    assert [push.window for push in hands] == (every if window == 0 else [every[window - 1]])
+    for push in hands:
         assert 3.2 < push.begin < 3.8
         assert 4.4 < push.end < 5.0
 

@@ -41,7 +41,7 @@ def test_effects_that_act_are_not_outdone(
     said: list[str] = []
     short = of_first_seconds(start, *named)
     lone = LoneWrench(candidate(start.as_it_is, start.predicted), start.campaign, said.append)
-    assert lone.outdoes([short]) is outdone
+    assert lone.seek([short]).outdoes([short]) is outdone
     assert said == [BASE.format(short.label)]
     assert lone.found is not None
 
@@ -55,11 +55,13 @@ def test_it_is_sought_once_and_only_where_there_may_be_stand_ins(monkeypatch: py
     def model(terms: int, *, white: bool) -> Completed:
         return SimpleNamespace(tried=(None,) * terms, is_white=white, label=f"{terms}")  # type: ignore[return-value]
 
-    assert not lone.outdoes([])
-    assert not lone.outdoes([model(1, white=True)])
+    assert not lone.seek([]).outdoes([])
+    simple = [model(1, white=True)]
+    assert not lone.seek(simple).outdoes(simple)
     assert lone.found is None
     for terms, white in ((2, True), (1, False), (3, False)):
-        assert not lone.outdoes([model(terms, white=white)])
+        short = [model(terms, white=white)]
+        assert not lone.seek(short).outdoes(short)
     assert asked == [BASE.format(2)]
 
 

@@ -41,7 +41,7 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "widened", lambda start, found, tried: found)
-    monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
+    monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: None)
     trials = SimpleNamespace(
         tried=[],
         pruned=lambda found: found,
