@@ -41,7 +41,7 @@ from fidim_lab.say import Say
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class SearchState:
     """How far a search over whole windows has come."""
 
     best: Candidate
@@ -155,7 +155,7 @@ class Search:
         self.say(f"looking for hands beside {model.label}")
         return find_contacts(predict_segments(model, self.start.campaign.windows))
 
-    def over_whole_windows(self, best: Candidate, pushes: tuple[Contact, ...] = ()) -> Standing:
+    def over_whole_windows(self, best: Candidate, pushes: tuple[Contact, ...] = ()) -> SearchState:
         """Additions until none is asked for, or pushes are all that is left; the view from the last model.
 
         Where structure stays, and only the first seconds were looked at, tones are listened for in whole windows.
@@ -163,23 +163,23 @@ class Search:
         """
         seen = self.trials.look(best.model)
         if pushes:
-            return Standing(best, seen, pushes)
+            return SearchState(best, seen, pushes)
         if best.model.whole and self._in_vain(best):
-            return Standing(best, seen, self._pushes_left(best))
+            return SearchState(best, seen, self._pushes_left(best))
         while best.model.whole:
             left = self._pushes_left(best, *_best_score(seen))
             if left:
-                return Standing(best, seen, left)
+                return SearchState(best, seen, left)
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is None:
-                return Standing(best, seen, self._pushes_left(best) or self._pushes_alike(best))
+                return SearchState(best, seen, self._pushes_left(best) or self._pushes_alike(best))
             pushed = self._with_pushes(further, fresh, seen)
             if pushed is not None:
                 return pushed
             best = further
             self.say(f"accepted: {best.model.label}, {best.held_out.says}")
             seen = self.trials.look(best.model)
-        return Standing(best, seen)
+        return SearchState(best, seen)
 
     def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
         """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
@@ -220,7 +220,7 @@ class Search:
         """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
         return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
 
-    def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate], seen: View) -> Standing | None:
+    def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate], seen: View) -> SearchState | None:
         """A model with fewer terms beside which pushes say more than the others do: a hand is no friction.
 
         Where the other terms leave structure, also one beside which every window is pushed at the same time.
@@ -229,14 +229,14 @@ class Search:
         for one in sorted(fewer, key=lambda c: len(c.model.tried)):
             left = self._pushes_left(one, advantage(further.model, one.model))
             if left:
-                return Standing(one, seen, left)
+                return SearchState(one, seen, left)
         if not fewer or further.is_white:
             return None
         least = min(len(one.model.tried) for one in fewer)
         simple = [one for one in fewer if len(one.model.tried) == least]
         best = of_model(best_of([one.model for one in simple]), simple)
         alike = () if best is None else self._pushes_alike(best)
-        return None if best is None or not alike else Standing(best, seen, alike)
+        return None if best is None or not alike else SearchState(best, seen, alike)
 
     def _pushes_left(self, best: Candidate, least: float = -np.inf, inflation: float = 1.0) -> tuple[Contact, ...]:
         """Pushes that are all that is left, where they say more than so many nats.

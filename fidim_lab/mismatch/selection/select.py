@@ -25,7 +25,7 @@ from fidim_lab.mismatch.selection.candidates import (
     rank,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
-from fidim_lab.mismatch.selection.search import Search, Standing
+from fidim_lab.mismatch.selection.search import Search, SearchState
 from fidim_lab.mismatch.selection.single_force import LoneWrench
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
@@ -104,7 +104,7 @@ def select(
     )
 
 
-def _with_imitators(search: Search, standing: Standing) -> Standing:
+def _with_imitators(search: Search, standing: SearchState) -> SearchState:
     """The search on from what may stand in the place of a term, where that is more convincing.
 
     Each term was chosen before those that came after it: beside them another may do the same with less freedom.
@@ -122,7 +122,7 @@ def _with_imitators(search: Search, standing: Standing) -> Standing:
     return standing if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
 
 
-def _with_siblings(search: Search, standing: Standing) -> Standing:
+def _with_siblings(search: Search, standing: SearchState) -> SearchState:
     """The search on from a model that fits and does not predict, with an effect in it exchanged for its sibling.
 
     What a drag of the speed imitates of a drag of its square comes out elsewhere, and not where it swings wildest.
@@ -144,7 +144,7 @@ def _with_siblings(search: Search, standing: Standing) -> Standing:
     return search.over_whole_windows(search.trials.without_needless(further), standing.pushes)
 
 
-def _without_the_doubtful(search: Search, standing: Standing) -> Standing:
+def _without_the_doubtful(search: Search, standing: SearchState) -> SearchState:
     """The search once more without what the best model may have in another's place, where structure stays."""
     found = standing
     for kept in _less_doubtful(standing.best):
