@@ -15,15 +15,17 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 
 from benchmarks.page import table, write_section
 from benchmarks.surveyed import ATTACHMENTS, LARGEST, SMALLEST, with_survey_errors
-from fidim_lab.app.benchmark.scoring import grade, named
+from fidim_lab.app.benchmark.scoring import Marked, grade, grade_without, named
 from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.effects.equivalences import GEOMETRY, SHARED
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import finite
@@ -89,13 +91,28 @@ def run(seed: int, effect: str) -> Row:
     made, scale, hide, cable = campaign(seed, effect)
     begin = process_time()
     answer = finite(explain(made).table)
-    label = [] if not effect else [effect]
-    judged = grade(answer, label, cable)
+    judged = judge(answer, effect, cable)
     held = answer["held_out"]["chi2_per_dof"]["after"]
     cpu = process_time() - begin
     return Row(
         seed, round(1e3 * scale, 3), " ".join(hide), answer["verdict"], named(answer), judged.value, held, round(cpu, 1)
     )
+
+
+def judge(answer: dict[str, Any], effect: str, cable: int | None) -> Marked:
+    """As sealed campaigns are judged; by class, too, what is of the geometry, and not the only name for it.
+
+    That is off in all of them. A hidden piece of it may also be told without a name, as clearly off.
+    """
+    judged = grade(answer, [effect] if effect else [], cable)
+    if judged is not Marked.WRONG:
+        return judged
+    beside = [one for one in answer["effects"] if one["id"] not in SHARED[GEOMETRY] or one["single"]]
+    if effect and effect not in SHARED[GEOMETRY]:
+        named_too = grade({**answer, "effects": beside}, [effect], cable)
+        return Marked.WRONG if named_too is Marked.WRONG else Marked.CLASS
+    told = answer["effects"] if not effect else grade_without(answer, effect, cable) is Marked.CLASS
+    return Marked.CLASS if told and not beside else Marked.WRONG
 
 
 def report(rows: list[Row]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks import survey_errors
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import clean
@@ -17,7 +18,6 @@ from fidim_lab.mismatch.rounds import Rounds
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.general_geometry import opened
-from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import BETWEEN, Sampling, simulate_campaign
@@ -145,15 +145,8 @@ def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: R
 
 
 @pytest.mark.slow
-def test_an_effect_beside_a_wrong_geometry_is_no_fault_of_the_readings(irma4: Robot) -> None:
+def test_an_effect_beside_a_wrong_geometry_is_no_fault_of_the_readings() -> None:
     """Without the geometry open, a scatter of lengths says far more than heavy cables; beside it, less."""
-    plan = random_plan(irma4, "survey", 6, 3, 305)
-    world = make_world(irma4, np.random.default_rng(305), (parse_effect("cable-mass:mu=0.025", irma4.n),))
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(306), recording=Sampling(6.0))
-    off = np.random.default_rng(7)
-    cables = tuple(
-        replace(c, d=c.d + 9e-4 * off.standard_normal(3), a=c.a + 4.5e-4 * off.standard_normal(3)) for c in irma4.cables
-    )
-    found = explain(replace(campaign, robot=replace(irma4, cables=cables)))
+    found = explain(survey_errors.campaign(305, "cable-mass")[0])
     assert [one.id for one in found.effects] == ["cable-mass"], found.message
     assert not found.readings
