@@ -120,12 +120,22 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
             f"labels were wrong in {mended.relabelled} samples and were mended by the rigid distances",
         )
     t, even = _even(log, mended.markers)
+    _refuse_mirrored(even, body)
     reading, told = _upright(mechanism, log, asked, [(None, *fit_pose(even, body)[:2])])
     turned = even @ UPRIGHT[reading.up].T
     positions, rotations, rms = fit_pose(turned, body)
     return PosedTake(
         t, turned, positions, rotations, rms, picked, (*said, *told.decided), (*warnings, *told.warnings)
     )  # fmt: skip
+
+
+def _refuse_mirrored(markers: np.ndarray, body: np.ndarray) -> None:
+    """Raises RefusedError where the markers (N, B, 3) m are the robot file's in a mirror: distances do not tell."""
+    as_read, mirrored = (float(np.nanmedian(fit_pose(seen, body)[2])) for seen in (markers, markers * [1, 1, -1]))
+    if as_read > SURVEYED and FAR * mirrored < as_read:
+        what = f"The markers are the mirror image of the robot file's: as read they miss by {as_read * 1e3:.1f} mm rms"
+        what = f"{what}, in a mirror by {mirrored * 1e3:.1f} mm. An axis has the wrong sign, or two are exchanged"
+        raise RefusedError(what, hint="Correct the axes in the export or in the column map.")
 
 
 def _order(

@@ -35,6 +35,7 @@ LEAD = 2
 """Frame, Time"""
 BODY, MARKER_TYPES = "Rigid Body", ("Marker", "Rigid Body Marker")
 """types of columns; markers in the order in which they are taken"""
+QUATERNION = "Quaternion"
 LOOSE = "Unlabel"
 """begins the name of what was given to no marker"""
 MOST_HEADER = 12
@@ -55,8 +56,9 @@ def read_motive(path: Path) -> MarkerLog:
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False)) if rows else {}
     if "Format Version" not in head:
         raise FileError(path, "line 1", "is no Tracking Data export: 'Format Version' was expected")
+    rows = _without_timecode(rows)
     at = next((k for k, row in enumerate(rows[:MOST_HEADER]) if row and row[0].strip() == "Frame"), 0)
-    labels = {row[1].strip(): row for row in rows[1:at] if len(row) > LEAD and row[1].strip()}
+    labels = _labels(rows[1:at])
     if not {"Type", "Name"} <= labels.keys():
         raise FileError(path, "", "no rows Type and Name above a row that begins with Frame")
     found = _columns(path, labels["Type"], labels["Name"], rows[at - 1], rows[at])
@@ -68,6 +70,9 @@ def read_motive(path: Path) -> MarkerLog:
     unit = head.get("Length Units", "")
     scale = length_scale(path, "line 1, Length Units", unit) if unit else 1.0
     labelled, loose = _markers(found)
+    angles = head.get("Rotation Type", QUATERNION) != QUATERNION
+    if labelled and angles:  # they are enough
+        found = {key: columns for key, columns in found.items() if key[0] != BODY}
     bodies = tuple(_body(path, head, n, at, values, scale) for (kind, n), at in found.items() if kind == BODY)
     if not labelled and not bodies and not loose:
         raise FileError(path, "", "no marker and no rigid body.", hint="Export markers, rigid bodies, or both.")
@@ -77,11 +82,29 @@ def read_motive(path: Path) -> MarkerLog:
     t, rate, column = clocked(path, header_rate(path, 1, said_rate), values[:, 0], values[:, 1])
     lengths = f"lengths in {unit.lower()}, " if unit else ""
     said = (f"{lengths}{rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
+    said += ("rigid bodies are passed over, for their rotations are no quaternions",) if labelled and angles else ()
     seen = _places(values, loose.values(), scale)
     known = bool(unit)
     return MarkerLog(
         path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, seen, unit_said=known, column_rate=column
     )  # fmt: skip
+
+
+def _without_timecode(rows: list[list[str]]) -> list[list[str]]:
+    """Without a third column of time codes, which counts what Frame and Time count."""
+    names = next((row for row in rows[:MOST_HEADER] if row and row[0].strip() == "Frame"), [])
+    if len(names) <= LEAD or names[LEAD].strip().lower().replace(" ", "") != "timecode":
+        return rows
+    return [rows[0], *([*row[:LEAD], *row[LEAD + 1 :]] for row in rows[1:])]
+
+
+def _labels(above: Sequence[Sequence[str]]) -> dict[str, Sequence[str]]:
+    """Rows above the numbers by what they tell; where the second column does not say it, types and names come first."""
+    rows = [row for row in above if len(row) > LEAD and any(cell.strip() for cell in row)]
+    named = {row[1].strip(): row for row in rows if row[1].strip()}
+    if not named and len(rows) > 1 and {cell.strip() for cell in rows[0]} & {BODY, *MARKER_TYPES}:
+        return {"Type": rows[0], "Name": rows[1]}
+    return named
 
 
 def _columns(
@@ -117,8 +140,8 @@ def _places(values: np.ndarray, columns: Iterable[Mapping[str, int]], scale: flo
 def _body(
     path: Path, head: Mapping[str, str], name: str, columns: Mapping[str, int], values: np.ndarray, scale: float
 ) -> BodyTrack:
-    rotation = head.get("Rotation Type", "Quaternion")
-    if rotation != "Quaternion" or "Rotation W" not in columns:
+    rotation = head.get("Rotation Type", QUATERNION)
+    if rotation != QUATERNION or "Rotation W" not in columns:
         hint = "Export with Rotation: Quaternion."
         raise FileError(path, "line 1, Rotation Type", f"{rotation[:20]!r} for body {name[:40]}.", hint=hint)
     xyzw = values[:, [columns[f"Rotation {axis}"] for axis in "XYZW"]]

@@ -35,8 +35,10 @@ def read_qtm(path: Path) -> MarkerLog:
     what = head.get("DATA_INCLUDED", ["6D" if "BODY_NAMES" in head else "3D"])[0]
     if what not in NAMES:
         raise FileError(path, "DATA_INCLUDED", f"is {what[:20]!r}; 3D or 6D was expected")
-    if "FREQUENCY" not in head or NAMES[what] not in head:
-        raise FileError(path, "line 1", f"FREQUENCY or {NAMES[what]} is missing: is it QTM's TSV with its header?")
+    missing = [name for name in ("FREQUENCY", NAMES[what]) if name not in head]
+    if missing:
+        hint = "Export 3D or 6D data with the TSV header; skeletons, forces and analog data are not read."
+        raise FileError(path, "header", f"{' and '.join(missing)} not found.", hint=hint)
     names = tuple(name for name in head[NAMES[what]] if name)
     if not names or len(set(names)) < len(names):
         raise FileError(path, NAMES[what], "no name, or one name twice")

@@ -37,7 +37,7 @@ def read_trc(path: Path) -> MarkerLog:
     if len(lines) < HEADER_LINES or lines[0][0].strip() != "PathFileType":
         raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected")
     head = dict(zip((cell.strip() for cell in lines[1]), (cell.strip() for cell in lines[2]), strict=False))
-    if lines[3][0].strip() != "Frame#":
+    if lines[3][0].strip().rstrip("#").lower() != "frame":
         raise FileError(path, "line 4", "'Frame#' was expected first")
     names = tuple(cell.strip() for cell in lines[3][LEAD:] if cell.strip())
     if not names or len(set(names)) < len(names):

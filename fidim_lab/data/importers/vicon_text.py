@@ -19,14 +19,16 @@ import numpy as np
 
 from fidim_lab.data.importers.reading.cells import (
     FARTHEST,
+    LENGTH_UNITS,
     MIN_FRAMES,
     cells_of,
     decimal_of,
     delimiter_of,
+    length_scale,
     number,
     read_export,
 )
-from fidim_lab.data.importers.reading.clock import header_rate
+from fidim_lab.data.importers.reading.clock import ONE_TAKE, header_rate
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
@@ -35,7 +37,6 @@ from fidim_lab.errors import FileError
 HEADER_LINES = 5
 FRAME_COLUMNS = 2
 """Frame, Sub Frame"""
-UNITS = {"mm": 1e-3, "m": 1.0}
 MARKERS, BODIES = "Trajectories", ("Objects", "Segments")
 QUATERNION = ["RX", "RY", "RZ", "RW", "TX", "TY", "TZ"]
 """columns of a body"""
@@ -50,10 +51,14 @@ class ExportBlock:
     """lines of the file above it"""
     lines: Sequence[Sequence[str]]
     decimal: str
+    added: int = 0
+    """lines of units that the file does not have"""
+    fewer: int = 0
+    """columns of sub-frames that it does not have"""
 
     def line(self, number: int) -> str:
         """The place of its line, from 1, in the file."""
-        return f"line {self.top + number}"
+        return f"line {self.top + number - (self.added if number >= HEADER_LINES else 0)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +78,8 @@ def read_trajectories(path: Path) -> MarkerLog:
     blocks = _blocks(path, read_export(path).splitlines())
     found = [(name, block) for name, block in blocks if name == MARKERS]
     bodies = [(name, block) for name, block in blocks if name in BODIES]
+    if len(found) > 1:
+        raise FileError(path, found[1][1].line(1), f"a second block {MARKERS}.", hint=ONE_TAKE)
     name, block = (found or bodies)[0]
     rate = _rate(block)
     if name != MARKERS:
@@ -118,7 +125,7 @@ def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
     """Blocks of markers and bodies by name, in order. Raises FileError where there is none."""
     found: list[tuple[str, ExportBlock]] = []
     for top, first in enumerate(text):
-        name = first.strip(" \t;,").strip('"')
+        name = first.strip(" \t;,").strip('"').capitalize()
         if name == MARKERS or name in BODIES:
             delimiter = delimiter_of(text[top + 2 : top + HEADER_LINES])
             end = next(
@@ -129,11 +136,23 @@ def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
             if len(lines) < HEADER_LINES:
                 what = f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame"
                 raise FileError(path, "", what)
-            found.append((name, ExportBlock(path, top, lines, decimal_of(text[top + 5 : top + 55], delimiter))))
+            block = ExportBlock(path, top, lines, decimal_of(text[top + 5 : top + 55], delimiter))
+            found.append((name, _as_newer(block)))
     if not found:
         shown = text[0].split("\t")[0][:40] if text else ""
         raise FileError(path, "line 1", f"{shown!r} was found, 'Trajectories' (or 'Objects') was expected")
     return found
+
+
+def _as_newer(block: ExportBlock) -> ExportBlock:
+    """A block of Nexus 1, which begins rows with `Field #` and has neither sub-frames nor units, as of Nexus 2."""
+    if block.lines[3][0].strip().lower() not in {"field #", "frame#"}:
+        return block
+    rows = [[row[0], "", *row[1:]] for row in block.lines]
+    rows[3] = ["Frame", "Sub Frame", *block.lines[3][1:]]
+    has_units = not rows[HEADER_LINES - 1][0].strip()
+    header = rows[: HEADER_LINES - 1] if has_units else [*rows[: HEADER_LINES - 1], [""]]
+    return replace(block, lines=[*header, *rows[HEADER_LINES - 1 :]], added=0 if has_units else 1, fewer=1)
 
 
 def _rate(block: ExportBlock) -> float:
@@ -180,14 +199,14 @@ def _scale(block: ExportBlock, markers: int) -> float:
     units = _units(block)
     if not units:
         return 1.0
-    if len(units) != 3 * markers or len(set(units)) != 1 or units[0] not in UNITS:
+    if len(units) != 3 * markers or len(set(units)) != 1:
         raise FileError(
             block.path,
             block.line(5),
             f"units {' '.join(sorted(set(units)))[:40]!r} for {len(units)} columns; "
-            f"{3 * markers} times mm (or m) was expected",
+            f"one unit {3 * markers} times was expected",
         )
-    return UNITS[units[0]]
+    return length_scale(block.path, block.line(5), units[0])
 
 
 def _only_bodies(block: ExportBlock, rate: float) -> MarkerLog:
@@ -203,10 +222,11 @@ def _only_bodies(block: ExportBlock, rate: float) -> MarkerLog:
     names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS :: len(QUATERNION)]][:count]
     if len(set(names)) < count or not all(names):
         raise FileError(block.path, block.line(3), "an object without a name, or one name twice")
-    units = {cell.strip() for cell in block.lines[4] if cell.strip()} & UNITS.keys()
+    units = {cell.strip().lower() for cell in block.lines[4] if cell.strip()} & LENGTH_UNITS.keys()
     if len(units) != 1:
         raise FileError(block.path, block.line(5), "no unit of length, or two; mm or m was expected")
-    scale = UNITS[units.pop()]
+    (unit,) = units
+    scale = LENGTH_UNITS[unit]
     rows = _rows(block, FRAME_COLUMNS + len(axes), len(QUATERNION), rate)
     parts = rows.values.reshape(len(rows.values), count, len(QUATERNION))
     _check_near(block, rows, scale * parts[:, :, 4:])
@@ -214,21 +234,25 @@ def _only_bodies(block: ExportBlock, rate: float) -> MarkerLog:
     for k, name in enumerate(names):
         bodies.append(by_quaternions(block.path, name, scale * parts[:, k, 4:], parts[:, k, :4]))
     t = (rows.frames - rows.frames[0]) / rows.rate
-    said = (f"objects in {'mm' if scale < 1 else 'm'} at {rows.rate:g} Hz, as the header says",)
+    said = (f"objects in {unit} at {rows.rate:g} Hz, as the header says",)
     return MarkerLog(block.path, (), rows.rate, t, np.zeros((len(t), 0, 3)), scale, "z", said, tuple(bodies))
 
 
 def _rows(block: ExportBlock, width: int, group: int, rate: float) -> BlockRows:
     """The numbers below the header; sub-frames count as frames of a higher rate."""
     rows: list[list[float]] = []
-    for line, cells in enumerate(block.lines[HEADER_LINES:], start=block.top + HEADER_LINES + 1):
+    first = block.top + HEADER_LINES + 1 - block.added
+    for line, cells in enumerate(block.lines[HEADER_LINES:], start=first):
         if not any(cell.strip() for cell in cells):
             continue
         cells = _with_trailing_blanks(cells, width, group)
         if len(cells) != width:
             what = f"{len(cells)} columns, the header has {width}; is the file truncated?"
             raise FileError(block.path, f"line {line}", what)
-        row = [number(block.path, line, k, cell, decimal=block.decimal) for k, cell in enumerate(cells, start=1)]
+        row = [
+            number(block.path, line, max(1, k - block.fewer), cell, decimal=block.decimal)
+            for k, cell in enumerate(cells, start=1)
+        ]
         _check_frame(block.path, line, row, rows[-1] if rows else None)
         rows.append(row)
     if len(rows) < MIN_FRAMES:
@@ -256,7 +280,9 @@ def _check_frame(path: Path, line: int, row: Sequence[float], before: Sequence[f
     if not (float(sub).is_integer() and 0.0 <= sub < 100.0):
         raise FileError(path, f"line {line}, column 2", f"a sub-frame of {sub:g}; 0 to 99 was expected")
     if before is not None and (frame, sub) <= (before[0], np.nan_to_num(before[1])):
-        raise FileError(path, f"line {line}, column 1", f"frame {frame:.0f} comes after frame {before[0]:.0f}")
+        raise FileError(
+            path, f"line {line}, column 1", f"frame {frame:.0f} comes after frame {before[0]:.0f}.", hint=ONE_TAKE
+        )
 
 
 def _check_near(block: ExportBlock, rows: BlockRows, positions: np.ndarray) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.files.input_file import read_bytes
+from fidim_lab.data.importers.reading.signatures import refuse_no_text
 from fidim_lab.errors import FileError
 
 DELIMITERS = "\t;,"
@@ -23,9 +24,16 @@ COMMA, POINT = (
     re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.IGNORECASE),
 )
 """whole cells that are numbers with that decimal sign"""
+TWICE_ENDED = re.compile(r"\r+\n")
+"""a line's end as Python's csv on Windows writes it"""
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
 DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ]+(\d{1,2})(:.*)")
 """a date with points, as much of Europe writes it"""
+BASIC = re.compile(r"(\d{4})(\d\d)(\d\d)[T _](\d\d):?(\d\d):?(\d\d)(.*)")
+"""ISO 8601's basic form"""
+YEAR_FIRST, SLASHED = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)([T ].*)"), re.compile(r"\d\d?/\d\d?/\d{4}\b")
+COLON = re.compile(r"(.*\d:\d\d:\d\d):(\d{3,6})")
+"""a time of day whose fraction follows a colon"""
 CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)(?: ?([ap])\.?m\.?)?", re.IGNORECASE)
 """times of day as cells: hours, minutes, seconds, and which half of the day"""
 LENGTH_UNITS = MappingProxyType(
@@ -43,17 +51,21 @@ FARTHEST = 1e3
 
 
 def read_export(path: Path) -> str:
-    """The text of an export: UTF-8, UTF-16 with its mark, or Windows' own letters. Raises FileError as `read_bytes`.
+    """The text of an export: UTF-8, UTF-16 with its mark, or Windows' own letters.
 
-    Bytes of 0 are left out: loggers reserve space with them.
+    Raises FileError as `read_bytes`, and where it is no text. Bytes of 0 are left out: loggers reserve space with them.
     """
     data = read_bytes(path)
+    refuse_no_text(path, data)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", "replace")
-    try:
-        return data.replace(b"\0", b"").decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.replace(b"\0", b"").decode("cp1252", "replace")
+        text = data.decode("utf-16", "replace")
+    else:
+        data = data.replace(b"\0", b"")
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", "replace")
+    return TWICE_ENDED.sub("\n", text)
 
 
 def decimal_of(lines: Sequence[str], delimiter: str) -> str:
@@ -99,6 +111,9 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
         hours, minutes, seconds, half = clock.groups()
         hour = int(hours) if half is None else int(hours) % 12 + (12 if half.lower() == "p" else 0)
         return 3600.0 * hour + 60.0 * int(minutes) + float(seconds)
+    if SLASHED.match(plain):
+        what = f"{text[:40]!r}: whether day or month comes first is not told."
+        raise FileError(path, f"line {line}, column {column}", what, hint="Write dates with the year first.")
     if not DATE.match(plain):
         return number(path, line, column, cell, decimal=decimal)
     whole, _, rest = plain.partition(".")
@@ -119,7 +134,13 @@ def is_dated(cell: str) -> bool:
 
 def _iso(cell: str) -> str:
     """A cell with its date in the order of ISO 8601."""
-    text = cell.strip().strip('"')
+    text = COLON.sub(r"\1.\2", cell.strip().strip('"'))
+    if found := BASIC.fullmatch(text):
+        year, month, day, hour, minute, second, rest = found.groups()
+        return f"{year}-{month}-{day} {hour}:{minute}:{second}{rest}"
+    if found := YEAR_FIRST.fullmatch(text):
+        year, month, day, rest = found.groups()
+        return f"{year}-{month:0>2}-{day:0>2}{rest}"
     if found := DAY_FIRST.fullmatch(text):
         day, month, year, hour, rest = found.groups()
         return f"{year}-{month:0>2}-{day:0>2} {hour:0>2}{rest}"

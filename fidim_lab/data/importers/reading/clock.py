@@ -1,6 +1,7 @@
 """Times of samples: by frame numbers and the header's rate, by a column of times, or by stamps."""
 
 import math
+import re
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,6 +11,7 @@ from jaxtyping import Float
 from fidim_lab.data.importers.reading.cells import number
 from fidim_lab.errors import FileError
 
+HERTZ = re.compile(r"\s*hz\s*$", re.IGNORECASE)
 UNEVEN = 0.45
 """of a step, by which a stamp may be away from even steps: more, and two samples share one"""
 SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
@@ -19,6 +21,9 @@ ROUNDED = 2e-3
 """s, by which the first and the last of a column of times may be off together: exports round to 1 ms"""
 SAME_RATE = 1e-4
 """of the rate: beyond it, and beyond rounding, header and column of times say different rates (59.94 and 60: 1e-3)"""
+
+
+ONE_TAKE = "Where a file has two takes, export each by itself."
 
 
 def check_rate(path: Path, rate: float) -> float:
@@ -36,7 +41,7 @@ def times(path: Path, rate: float, frames: Float[np.ndarray, " N"]) -> Float[np.
     back = np.flatnonzero(np.diff(frames) <= 0)
     if len(back):
         k = int(back[0])
-        raise FileError(path, f"frame {frames[k + 1]:.0f}", f"comes after frame {frames[k]:.0f}")
+        raise FileError(path, f"frame {frames[k + 1]:.0f}", f"comes after frame {frames[k]:.0f}.", hint=ONE_TAKE)
     return check_long(path, (frames - frames[0]) / rate, rate)
 
 
@@ -52,7 +57,7 @@ def header_rate(path: Path, line: int, text: str) -> float:
 
     NaN too where cameras were triggered from outside (QTM writes EXT): only a column of times can tell the rate.
     """
-    return math.nan if text.strip().upper() == "EXT" else number(path, line, 1, text.replace(",", "."))
+    return math.nan if text.strip().upper() == "EXT" else number(path, line, 1, HERTZ.sub("", text).replace(",", "."))
 
 
 def clocked(
@@ -86,7 +91,13 @@ def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
     """Times since the first one, s, and rate of stamps that increase in even steps, with gaps. Raises FileError."""
     steps = np.diff(t)
     if not np.isfinite(t).all() or (steps <= 0.0).any():
-        raise FileError(path, "time", "a sample without time, or time does not increase")
+        if not np.isfinite(t).all():
+            raise FileError(path, "time", f"sample {int(np.argmax(~np.isfinite(t))) + 1} has no time")
+        k = int(np.argmax(steps <= 0.0))
+        same = (
+            "has the same time as the one before" if steps[k] == 0.0 else f"is {-steps[k]:.4g} s before the one above."
+        )
+        raise FileError(path, "time", f"sample {k + 2} {same}", hint=ONE_TAKE if steps[k] < 0.0 else "")
     t = t - t[0]
     rate = check_rate(path, float(1.0 / np.median(steps)))
     rate *= max(1.0, float(np.rint(t[-1] * rate))) / (t[-1] * rate)
