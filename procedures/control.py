@@ -67,7 +67,7 @@ def nothing_runs(_word: Word) -> str:
 
 
 class Control:
-    """One word at a time on its way to the engine. Used from the engine's own event loop only."""
+    """One request of an operator at a time, on its way to the engine. For the engine's own event loop only."""
 
     def __init__(self) -> None:
         self._word: Word | None = None
@@ -85,7 +85,7 @@ class Control:
         self._judge, self._stop = nothing_runs, None
 
     def say(self, word: Word) -> str:
-        """Hand a word over; returns why it is refused, empty when the engine will act on it."""
+        """Hand a request over; returns why it is refused, empty when the engine will act on it."""
         if word.verb is not Verb.ABORT and self._word is not None:
             return f"“{self._word.verb}” is being carried out"
         refusal = self._judge(word)

@@ -103,7 +103,7 @@ class Engine:
             await self.ended()
 
     async def ended(self) -> None:
-        """Wait for what `run` has left, but not for ever. After the robot is held: a motion must not wait for it."""
+        """Wait, for a limited time, for tasks that `run` left; only once the robot is held."""
         done, _ = await asyncio.wait(self._tasks, timeout=END_TIMEOUT) if self._tasks else (set(), None)
         for task in done:
             if not task.cancelled():
@@ -220,7 +220,7 @@ class Engine:
             self._publish(finished)
 
     def progress(self, fraction: float) -> None:
-        """A handler tells how far its step is; listeners hear it ten times a second at most."""
+        """Report the progress of a step; listeners are told at most ten times a second."""
         pulse, now = self.pulse, self._rig.clock.now()
         if pulse.step is None or now - pulse.told < PROGRESS_PERIOD:
             return

@@ -108,7 +108,7 @@ class Warned:
 
 @dataclass(frozen=True)
 class Paused:
-    """The robot is held until somebody resumes; told again, with the reason, where a resumption was refused."""
+    """The robot is held until somebody resumes; sent again, with the reason, when a resumption is refused."""
 
     t: float
     window: str

@@ -26,7 +26,7 @@ class Pulse:
 
     @property
     def phase(self) -> Phase:
-        """What the robot may be doing. Whoever pauses a run goes to the robot and may stand before a camera."""
+        """What the robot is allowed to do. Someone who pauses a run may walk to the robot and stand before a camera."""
         if self.paused:
             return Phase.HANDLING
         return self.step.phase if self.step else Phase.PREPARING

@@ -35,7 +35,7 @@ class Choice:
 
 
 def suited_method(campaign: Campaign) -> Choice:
-    """Maximum likelihood, with a word where a soft mode makes it one with elastic cables, or forbids to believe it."""
+    """Maximum likelihood; a sentence says where a soft mode needs elastic cables or makes the answer unreliable."""
     found = soft_singular_values(campaign)
     if found is None:
         return Choice(Method.MLE)

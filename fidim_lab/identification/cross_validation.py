@@ -1,4 +1,4 @@
-"""Do given parameters predict windows that they were not found from? σ⊥ (Eq. 50, Fig. 3) and the trajectory itself.
+"""Do parameters predict windows that were not used to identify them? σ⊥ (Eq. 50, Fig. 3) and the trajectory itself.
 
 The parameters stay as they are; of a window only its own initial state is fitted, within the encoders' resolution for
 the lengths that it holds. The rule, for each window: χ²/dof of the trajectory against the marker noise of the robot

@@ -112,7 +112,7 @@ def check_moves(
     motion: MotionSettings | None = None,
     own: Path | None = None,
 ) -> None:
-    """Refuse a procedure that leaves the workspace anywhere, or asks winches for more than they may do.
+    """Refuse a procedure that leaves the workspace anywhere, or exceeds the limits of a winch.
 
     motion: with what the winches may do. own: the file that the steps are from, where they are of somebody's own.
     Raises InfeasibleError naming all steps that do.
@@ -127,7 +127,7 @@ def check_moves(
 
 
 def check_displacements(plan: Plan, robot: Robot) -> None:
-    """Refuse a plan that wants the platform farther aside than the robot file allows. Raises InfeasibleError.
+    """Refuse a plan that displaces the platform farther than the robot file allows. Raises InfeasibleError.
 
     For a procedure whose steps are planned for what can be reached, so that they do not show what was wanted.
     """
@@ -228,7 +228,7 @@ def find_route(
 
 
 def way_points(robot: Robot, plan: Plan, per_axis: int = 3) -> tuple[Lengths, ...]:
-    """Places to go by way of: the plan's own equilibria, and a grid over the box they span (some 10 ms a place).
+    """Intermediate places: the plan's own equilibria, and a grid over the box they span (about 10 ms each).
 
     Places where the platform cannot rest within the robot's limits are left out.
     """

@@ -37,7 +37,7 @@ class SeenAtRest:
 
 
 class PlaceHistory:
-    """Where the marker was off at the last place, and what was accepted since: set by each comparison of a run."""
+    """The marker's error at the last place, and what was accepted since: updated by each comparison of a run."""
 
     def __init__(self) -> None:
         self.last: tuple[SeenAtRest, Vector3] | None = None
@@ -164,7 +164,7 @@ def response_cause(one: Response, rest: NominalRest, lengths: Lengths, way: floa
 
 
 def common_factor(responses: list[Response], settings: PlaceSettings) -> Measurement:
-    """By which factor all winches move the marker farther than the model: drums or gears of all."""
+    """The common factor by which all winches move the marker farther than the model says: wrong drums or gears."""
     model = np.concatenate([one.model for one in responses])
     seen = np.concatenate([one.seen for one in responses])
     factor = float(seen @ model / (model @ model))

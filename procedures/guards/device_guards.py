@@ -23,7 +23,7 @@ class OtherMasterGuard:
 
 
 class BusRemarkGuard:
-    """Something went wrong on the bus and was passed over; told again when it comes again."""
+    """An error on the bus that was recovered from; reported again when it happens again."""
 
     name = "bus remark"
     reaction = Reaction.WARN

@@ -43,7 +43,7 @@ class _Above:
 
 
 class FollowingErrorGuard:
-    """A motor is not where its drive wants it: before the drive's own window (6065) is reached, which is a fault."""
+    """A motor lags behind its demanded position, before the drive's own window (6065) makes it a fault."""
 
     name = "following error"
     reaction = Reaction.HOLD

@@ -78,7 +78,7 @@ HOST_LOOP = "host loop"
 
 
 class Standstill:
-    """What guards find just after this computer stood still is a consequence, and is told as one.
+    """Marks what guards find just after this computer stood still as a consequence of that.
 
     Drives that hear nothing of their host stop by themselves, samples grow old, and a winch is not where the command
     has it by now: which guard sees which of these first is chance.
@@ -97,7 +97,7 @@ class Standstill:
             self._lasted, self._end = t - before, t
 
     def cause(self, t: float, guard: str, says: str) -> str:
-        """A guard's message after its cause: a standstill counts for as long again as it lasted."""
+        """A guard's message with its cause: a standstill is the cause for as long again as it lasted."""
         ago = t - self._end
         if ago > self._lasted or not self._lasted or guard == HOST_LOOP:
             return says

@@ -22,7 +22,7 @@ STEP_PERIOD = 1.0
 
 
 class LoopGuard:
-    """The host's loop came late: what was commanded, and what was seen, is older than it should be."""
+    """The host's control loop ran late: commands and samples are older than they should be."""
 
     name = HOST_LOOP
     reaction = Reaction.HOLD
@@ -72,7 +72,7 @@ class DiskGuard:
 
 
 class ClockStepGuard:
-    """The time of day was set: nothing is timed by it, but a comparison with other computers' logs would be wrong."""
+    """The computer's clock was set: no control depends on it, but comparisons with other computers' logs do."""
 
     name = "clock step"
     reaction = Reaction.WARN

@@ -36,7 +36,7 @@ def _known(folder: Path) -> tuple[int, float, float, str]:
 
 
 async def identify_body(stand: Stand, _step: IdentifyBody) -> Result:
-    """What hangs there, for the next plan; no reason to stop anything where that cannot be told."""
+    """The body on the robot, for the next plan; a run goes on where it cannot be identified."""
     values, problem = await apart(_identified, stand.folder.path) or ((), DIED)
     if problem:
         return Result(Outcome.UNSET, f"the body is planned with as before: {problem}")

@@ -16,7 +16,7 @@ LONGEST = 60.0
 
 
 async def apart(job: Callable[[Path], T], folder: Path, longest: float = LONGEST) -> T | None:
-    """What a function of a module answers about a run's folder; None where its process died or takes longer (s)."""
+    """The answer of a module's function about a run folder; None where its process died or exceeded the time (s)."""
     pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
     try:
         return await asyncio.wait_for(asyncio.get_running_loop().run_in_executor(pool, job, folder), longest)

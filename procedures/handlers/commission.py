@@ -55,7 +55,7 @@ class _Way:
         return gone
 
     def moved_last(self) -> tuple[float, float]:
-        """When it was seen to move last, and where it is: the first look from which on nothing has changed."""
+        """Time and place of the last motion seen: the first sample after which nothing changed."""
         when, place = self.seen[-1]
         for t, gone in reversed(self.seen):
             if abs(gone - place) > self.still:

@@ -60,7 +60,7 @@ async def measure_pose(stand: Stand, step: MeasurePose) -> Result:
 
 
 async def set_lengths(stand: Stand, step: SetLengths) -> Result:
-    """Look whether the encoders stand still, then take their counts. Values: changes, m."""
+    """Check that the encoders stand still, then store their counts. Values: changes, m."""
     clock, begin = stand.rig.clock, stand.rig.clock.now()
     seen = [stand.lengths()]
     while clock.now() - begin < step.over:

@@ -38,7 +38,7 @@ async def enable(stand: Stand, step: Enable) -> Result:
 
 
 def require_alone(stand: Stand) -> None:
-    """Raise BusError where somebody else commands the drives, or answers for one of them."""
+    """Raise BusError where another master commands the drives, or another node has the id of one."""
     bus = stand.rig.bus
     if bus is not None and bus.strangers:
         raise BusError(

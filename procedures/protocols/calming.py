@@ -97,7 +97,7 @@ class Calmer:
     def calm(
         self, window: PlannedWindow, place: ExcitationPlace, bodies: Bodies, enough: float = 0.0
     ) -> Generator[Step, Result, None]:
-        """Until the marker swings less than `enough` (m; a fifth of what counts as rest), or was tried often enough.
+        """Calm until the marker swings less than `enough` (m; a fifth of the limit of rest) or the tries are used up.
 
         Where strokes would break tension limits that the swing alone keeps, a note says so and nothing is moved.
         """

@@ -27,7 +27,7 @@ def displace(
     reasons: Sequence[str],
     ask: Asking,
 ) -> Generator[Step, Result, tuple[str, str | None]]:
-    """The steps until the platform is let go; returns the answer of whoever was asked, and why it was no good.
+    """The steps until the platform is released; returns the operator's answer, and why the displacement was not good.
 
     rest: where the marker rested, m. reasons: why earlier attempts were rejected.
     """

@@ -79,7 +79,7 @@ class ExciteProtocol(WindowProtocol):
     def window(
         self, planned: PlannedWindow, at: Lengths, swinging: bool
     ) -> Generator[Step, Result, tuple[Lengths, bool]]:
-        """With the body that the windows of an earlier process show; calmed first where it swings as the run begins."""
+        """With the body from windows of an earlier process; a platform that swings at the start is calmed first."""
         if self._new:
             yield from self._see_body(planned)
         if swinging and self._place is None:

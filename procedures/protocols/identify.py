@@ -87,7 +87,7 @@ class WindowProtocol:
     def window(
         self, planned: PlannedWindow, at: Lengths, swinging: bool
     ) -> Generator[Step, Result, tuple[Lengths, bool]]:
-        """One planned window with all that people may say meanwhile; returns where the robot is, and if it swings."""
+        """One planned window, with the operator's requests; returns where the robot is, and whether it swings."""
         for _ in range(1 + self.settings.record.repeats):
             try:
                 if swinging:
@@ -191,7 +191,7 @@ class WindowProtocol:
         return None
 
     def check_at_rest(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, None]:
-        """Hold, encoders, tensions, the marker's place; what is wrong here is wrong with the robot, so the run ends."""
+        """Check hold, encoders, tensions and marker place; a failure here is the robot's, so the run ends."""
         motion, tension = self.settings.motion, self.settings.tension
         checks = (
             Hold(window=planned.id),

@@ -26,7 +26,7 @@ class Ledger:
 
     @property
     def outcome(self) -> Outcome:
-        """Of a run that went through all windows: the worst of theirs; PASS for a procedure without windows."""
+        """The outcome of a complete run: the worst of its windows; PASS for a procedure without windows."""
         return worst(row.outcome for row in self.rows) if self._rows else Outcome.PASS
 
     @property

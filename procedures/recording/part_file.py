@@ -41,7 +41,7 @@ class PartFile:
         self._waiting.append(data)
 
     def flush(self) -> None:
-        """Hand everything to the disk, and by it to the operating system: from then on it survives this process."""
+        """Hand everything to the disk's writer, and so to the system: it then survives this process."""
         block = b"".join(self._waiting)
         self._waiting.clear()
         if block:

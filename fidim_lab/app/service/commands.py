@@ -18,7 +18,7 @@ Name = Annotated[str, AfterValidator(partial(printable, longest=NAME))]
 
 
 class Message(BaseModel):
-    """Frozen, and nothing but its own keys. All its texts are printable, in both directions: it ends on terminals."""
+    """Base of all messages: frozen, unknown keys refused, and all text printable, since terminals show it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 

@@ -59,7 +59,7 @@ class Latch:
         return bool(self.why)
 
     def latch(self, stopped: Stopped) -> None:
-        """Latch; what stopped it first stays the reason, and a code given out before counts no more."""
+        """Latch; the first cause stays the reason, and reset codes issued before become invalid."""
         self._code = ""
         if self.why in ("", AT_START):
             self.why = stopped.sentence
@@ -82,5 +82,5 @@ class Latch:
 
 
 def first_words(why: str) -> str:
-    """What the first step of a reset is answered, so that a client knows which stop it undoes."""
+    """The answer to the first step of a reset: which stop a client would undo."""
     return f"Latched: {why}. Send the code to reset."

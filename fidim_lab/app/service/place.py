@@ -56,7 +56,7 @@ def place_of(file: RigFile, *, embedded: bool, run: Path | None = None) -> Servi
 
 
 def places_of(file: RigFile) -> list[ServicePlace]:
-    """All at which a service of this rig may be, for a stop: root's reaches the users' too."""
+    """All places where a service of this rig may be, for a stop: root also reaches those of users."""
     return [ServicePlace(folder, _key(file, embedded=embedded)) for folder in _folders() for embedded in (False, True)]
 
 
@@ -66,7 +66,7 @@ def all_places() -> list[ServicePlace]:
 
 
 def places_for(rig: Path | None) -> list[ServicePlace]:
-    """All at which the service of this rig file may be; without one, all of this user. Raises FileError."""
+    """All places where the service of this rig file may be; without a file, all of this user. Raises FileError."""
     return all_places() if rig is None else places_of(read_rig(rig, opened=False))
 
 

@@ -37,7 +37,7 @@ class PowerOffOptions:
 
 
 def power_off_command(options: PowerOffOptions) -> int:
-    """Do it, drive by drive; returns 3 where one kept its power, its fault or its silence.
+    """Switch off drive by drive; returns 3 where one keeps its power or its fault, or does not answer.
 
     Raises SetupError while a service has the rig; BusError where the bus cannot be reached, and where another master is
     heard: that one holds the load.

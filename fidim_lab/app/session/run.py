@@ -129,7 +129,7 @@ def _user() -> str:
 
 
 def require_answers(work: Work) -> None:
-    """An answer must be to a prompt that may come; left alone, a run must have one to each kind. Raises SetupError."""
+    """Raise SetupError for an answer to a prompt that cannot come, or an unattended run without one for each kind."""
     asked = _asked(work, Outline(work.experiment.procedure).steps)
     _refuse_answers(work, asked)
     answers = _answers(work)

@@ -14,7 +14,7 @@ CHUNK = 1 << 16
 
 
 def requests() -> Iterator[str]:
-    """Each line as it comes. Standard input's end ends this process at once, whatever it computes."""
+    """Each line as it arrives. The end of standard input ends this process at once."""
     lines: SimpleQueue[str] = SimpleQueue()
     threading.Thread(target=_read, args=(sys.stdin.fileno(), lines), name="standard input", daemon=True).start()
     while True:

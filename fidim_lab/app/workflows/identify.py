@@ -85,7 +85,7 @@ def _unfollowed(result: IdentificationResult) -> bool:
 
 
 def aligned(campaign: Campaign) -> tuple[str, ...]:
-    """What was done about late markers, and what its uncertainty may come to; empty where nothing was."""
+    """The correction of late markers and the effect of its uncertainty; empty where there was none."""
     known = campaign.alignment
     if known is None:
         return ()

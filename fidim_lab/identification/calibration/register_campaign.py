@@ -44,7 +44,7 @@ class Tried:
 
 @dataclass(frozen=True, eq=False)
 class Suspect:
-    """What a cable's anchor, free by itself beside the registration, would take away."""
+    """The misfit that would go if this one anchor were fitted together with the registration."""
 
     cable: int
     """1-based"""

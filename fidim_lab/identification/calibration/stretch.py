@@ -39,7 +39,7 @@ class ElasticStretch:
 
     @property
     def doubt(self) -> float:
-        """m/N: how far it is trusted, jackknife and what stretch does not explain of the lengths.
+        """m/N, the uncertainty to use: jackknife together with the part of the lengths that stretch does not explain.
 
         Lengths by tensions give κ, tensions by lengths κ/R²: were the cells as wrong as the lengths, κ/R would be true.
         """

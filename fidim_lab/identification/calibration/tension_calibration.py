@@ -73,7 +73,7 @@ class WinchCalibration:
     """why it must not be used; empty where it may"""
 
     def certainly(self, current: float, moved: int = 0) -> tuple[float, float]:
-        """The least and the largest tension (N) that a motor current (A) leaves possible.
+        """The smallest and the largest tension (N) that are possible at a motor current (A).
 
         moved: the direction of the last move, +1 paid out, −1 wound, 0 unknown.
         """
@@ -143,7 +143,7 @@ def rests_of_readings(robot: Robot, body: Body, readings: Sequence[TensionReadin
 
 
 def calibrate(rests: Rests) -> tuple[WinchCalibration, ...]:
-    """One calibration for each winch; one that the rests do not tell has its `problem`."""
+    """One calibration for each winch; where the rests do not determine it, `problem` says why."""
     columns = range(rests.tensions.shape[1])
     return tuple(_one(rests.tensions[:, k], rests.currents[:, k], rests.directions[:, k]) for k in columns)
 

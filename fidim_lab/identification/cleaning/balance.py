@@ -46,7 +46,7 @@ class WindowBalance:
 
 
 def balance(mechanism: Mechanism, window: Window) -> WindowBalance | None:
-    """None where the window does not show its pose at every node, or too few nodes."""
+    """The balance of a window; None where its pose is not known at every node, or where there are too few nodes."""
     robot = mechanism.robot
     body = robot.markers[: window.markers.shape[1]]
     seen = np.isfinite(window.markers).all(axis=2).mean(axis=0) > 0.5

@@ -107,7 +107,7 @@ def without_hands(campaign: Campaign, cuts: Cuts, rule: FreeMotionRule = RULE) -
 
 
 def lasting(cuts: Cuts) -> Cuts:
-    """Those longer than what one bad sample spoils: while samples are not judged yet, these alone are sure."""
+    """Disturbances longer than the effect of one bad sample: only these are certain before samples are judged."""
     longer = {id: [cut for cut in ours if cut[1] - cut[0] > ONE_SAMPLE] for id, ours in cuts.items()}
     return {id: ours for id, ours in longer.items() if ours}
 
@@ -131,7 +131,7 @@ def parts(window: Window, cuts: Sequence[tuple[float, float]], shortest: float) 
 
 
 def counted(ids: Iterable[str]) -> str:
-    """How many windows these are, for people: parts of one window count once, and are told."""
+    """The number of windows, as text: parts of one window count as one, and their number is given too."""
     parts = list(ids)
     count = len({whole_id(one) for one in parts})
     windows = "1 window" if count == 1 else f"{count} windows"

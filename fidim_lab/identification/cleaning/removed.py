@@ -58,7 +58,7 @@ def stretches(window: str, t: Series, bad: Bool[np.ndarray, "N M"], why: str) ->
 
 
 def counted(removed: tuple[Removed, ...], what: str) -> tuple[str, ...]:
-    """One sentence on everything of one kind that was taken out; none where nothing was."""
+    """One sentence about everything of one kind that was removed; empty where nothing was."""
     if not removed:
         return ()
     longest = max(removed, key=lambda one: one.t[1] - one.t[0])

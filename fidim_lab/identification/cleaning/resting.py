@@ -1,4 +1,4 @@
-"""Where the platform does not move though it is not at rest: a hand holds it still, before the release or later.
+"""Where a hand holds the platform still away from its rest, before the release or later.
 
 No pose is needed, nor cables: only markers that stay within their noise while the swing beside would have moved them.
 """

@@ -31,7 +31,7 @@ EARLIEST = 0.02
 
 
 def retimed(campaign: Campaign) -> CleanRecordings:
-    """The campaign with even stamps where those of its files were only times of arrival."""
+    """The campaign with evenly spaced time stamps, where its files hold only times of arrival."""
     windows = list(campaign.windows)
     tried = {k: found for k, w in enumerate(windows) if (found := _evened(w, campaign.sample_rate)) is not None}
     ratios = [found.even / found.stamped for found in tried.values()]

@@ -44,7 +44,7 @@ def noise_levels(windows: tuple[Window, ...], declared: float) -> NoiseLevels:
 
 
 def check_noise(windows: tuple[Window, ...], levels: NoiseLevels) -> tuple[Finding, ...]:
-    """Where the noise is not what the robot file says: in all, in a coordinate, in a window."""
+    """Differences between the noise and the robot file: over all, of one coordinate, of one window."""
     with np.errstate(divide="ignore"):
         logs = np.log(levels.by_window / levels.declared)
     sd = DATA_CHECKS.noise_check_spread * np.sqrt(1000 / np.maximum(levels.samples, 1))[:, np.newaxis, np.newaxis]

@@ -24,7 +24,7 @@ FLAT = 0.02
 
 
 def placed(robot: Robot, sample: PoseSamples) -> tuple[Change, ...]:
-    """The best frame and the best places of the markers, each in words; those that cannot be had are left out."""
+    """The best frame and the best marker places, each as a sentence; one that cannot be computed is left out."""
     mechanism = Mechanism(robot)
     noise = (robot.sensors.marker_noise, max(robot.sensors.encoder_resolution, robot.sensors.marker_noise))
     found = (_frame(mechanism, sample, noise), _markers(mechanism, sample, noise))

@@ -51,7 +51,7 @@ class Free:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Capture frame → robot frame (x ↦ turn x + shift), markers on the body, and what each encoder reads too much."""
+    """Capture frame → robot frame (x ↦ turn x + shift), markers on the body, and the offset of each encoder."""
 
     turn: Matrix3
     shift: Vector3

@@ -68,7 +68,7 @@ def fit_poses(
 
 
 def misfit(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray, near: Rotations | None = None) -> float:
-    """rms of what markers and lengths are off these poses, m; the median over the poses; inf where there are none."""
+    """Median over the poses of the rms misfit of markers and lengths, m; inf where there are no poses."""
     try:
         p, R = fit_poses(mechanism, lengths, markers, near)
         body = mechanism.robot.markers[: markers.shape[1]]

@@ -68,7 +68,7 @@ class Screening:
 
     @property
     def is_sensor_fault(self) -> bool:
-        """Faults, and nothing in the kinematics that outlives their removal: a hint, see the module."""
+        """Whether faults were found and the kinematics agree without them: a hint, see the module."""
         return bool(self.faults) and not self.contradicts_kinematics
 
     @property
@@ -86,7 +86,7 @@ class Screening:
 
 
 def screen(campaign: Campaign, *, kinematics: bool = True) -> Screening:
-    """Look at all windows of a campaign. Never raises for what is in the data: it is all in the answer.
+    """Check all windows of a campaign. Faults in the data are in the answer; they raise nothing.
 
     kinematics: also compare channels that measure the same thing twice, which takes most of the time.
     """

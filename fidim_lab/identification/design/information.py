@@ -70,7 +70,7 @@ def predicted_sd(total: Float[np.ndarray, "9 9"]) -> Float[np.ndarray, "9"]:
 
 
 def judged(task: DesignTask, sums: Float[np.ndarray, "K 9 9"]) -> Float[np.ndarray, " K"]:
-    """Criterion A or D of K sums of information: a typical sd, in parts of what a parameter may plausibly be off."""
+    """Criterion A or D of K sums of information: a typical sd relative to the plausible error of a parameter."""
     scale = scales(task.robot.nominal)
     values = np.linalg.eigvalsh(sums * np.outer(scale, scale))
     values = np.maximum(values, NOTHING * values[:, -1:])  # what is not seen at all has a variance, only a huge one

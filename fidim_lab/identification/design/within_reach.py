@@ -1,4 +1,4 @@
-"""Windows that winches can excite: displaced as far as they surely reach, at the largest expected damping.
+"""Windows that winches can excite: displacements that they reach even at the largest expected damping.
 
 What a hand may give is beyond winches at most places, since their strokes pull at the cables on top of the swing. A
 plan that `fidim run --procedure excite` is to carry out wants no more than they reach: then every window swings as it
@@ -43,7 +43,7 @@ def within_reach(
     run: Map,
     say: Say,
 ) -> pool.Pool:
-    """The same windows with displacements that winches reach, without those at which they reach next to nothing.
+    """The same windows with displacements that winches reach; windows that they hardly excite are left out.
 
     Raises InfeasibleError where too few are left.
     """

@@ -45,7 +45,7 @@ class Quadratic:
 
     @property
     def covariance(self) -> Float[np.ndarray, "shared shared"]:
-        """Inverse of the information, positive definite also where rounding hides the least of it."""
+        """Inverse of the information; positive definite even where rounding hides its smallest eigenvalue."""
         scale = 1 / np.sqrt(np.diag(self.information))
         values, axes = np.linalg.eigh(self.information * np.outer(scale, scale))
         root = scale[:, np.newaxis] * axes / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
@@ -97,7 +97,7 @@ def bootstrap_sd(
 def open_combinations(
     covariance: Float[np.ndarray, "shared shared"], plausible: Float[np.ndarray, " shared"], names: tuple[str, ...]
 ) -> tuple[Combination, ...]:
-    """Combinations of parameters known no better than to a tenth of what is plausible; worst first."""
+    """Combinations of parameters whose sd is above a tenth of their plausible range; worst first."""
     values, directions = np.linalg.eigh(covariance / np.outer(plausible, plausible))
     found: list[Combination] = []
     for value, direction in zip(values[::-1], directions.T[::-1], strict=True):

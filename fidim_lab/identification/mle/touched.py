@@ -1,4 +1,4 @@
-"""Touched ends: a hand that lets go late or brakes early leaves a start or an end that free motion cannot follow.
+"""Windows whose start or end a hand touched (late release, early catch), so that free motion cannot follow it.
 
 Whatever else a model lacks, it lacks in the middle of a window too; so an end that is missed by far more than the rest
 of its window is no free motion. Held-out windows are never cut: that would flatter the model.
@@ -54,7 +54,7 @@ def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: f
 
 
 def beside_cuts(windows: Sequence[Window], found: Fit) -> list[Window]:
-    """The windows without more of what lies beside a cut and is missed by more than chance."""
+    """The windows, shortened further where samples beside a cut are missed by more than chance."""
     left = left_by_window(found)
     return [_shorter(window, left[window.id]) if window.id in left else window for window in windows]
 

@@ -23,7 +23,7 @@ from fidim_lab.model.slots import Effect
 
 @dataclass(frozen=True, eq=False)
 class Newcomer:
-    """An effect with where it begins and how far it is known beforehand; one entry for each of its θ."""
+    """An effect with the start values and prior sd of its parameters, one entry for each θ."""
 
     effect: Effect
     start: Sequence[float]

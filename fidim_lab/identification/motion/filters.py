@@ -37,7 +37,7 @@ class Edges(StrEnum):
 
 @dataclass(frozen=True)
 class FilterDesign:
-    """What the low-pass is to be. The default is the paper's stop band with as much pass band as the window affords."""
+    """The low-pass wanted. Default: the paper's stop band, and the widest pass band that the window length allows."""
 
     stop_band: float = 10.0
     """Hz, from here on the signal is stopped (§5.2)"""

@@ -1,4 +1,4 @@
-"""Where a platform swings freely, in a recording of any robot whose geometry is known only by survey.
+"""Where a platform swings freely, in recordings of a robot whose geometry is known only by survey.
 
 With locked motors the Newton–Euler equations, projected on what the cables leave free, balance by themselves (Eq. 21).
 What is left over is a hand, a catch or a touch. A surveyed geometry leaves something over too, nearly constant within

@@ -219,7 +219,7 @@ class _Connection(asyncio.Protocol):
         self._first = lines
 
     def work(self) -> bool:
-        """Do one thing that is to be done, a command before the greeting; whether there may be another one."""
+        """Do the next pending task, commands before greetings; returns whether more may be pending."""
         if self.session.waits and self._may_ask():
             if (message := self.session.next()) is not None:
                 self._hub.take(self, message)

@@ -39,7 +39,7 @@ class Turn:
         return ""
 
     async def comes(self, clients: Callable[[], int]) -> bool:
-        """Wait; whether a run is to begin, False when the service is to end. clients: how many look."""
+        """Wait; True when a run is to begin, False when the service is to end. clients: how many are connected."""
         since = self._clock.now()
         while not self._started.is_set():
             if clients():

@@ -27,7 +27,7 @@ def nearest_possible(body: Body) -> Body:
 
 
 def scales(body: Body) -> Float[np.ndarray, "9"]:
-    """By how much the true body may well differ from this one: the size of a weak prior, m and m².
+    """How much the true body may plausibly differ from this one: the size of a weak prior, m and m².
 
     Centre of mass: half its distance and a tenth of the radius of gyration; moments: their own size; products: a tenth
     of the largest moment.
@@ -38,7 +38,7 @@ def scales(body: Body) -> Float[np.ndarray, "9"]:
 
 
 def distance_to_boundary(body: Body, covariance: Float[np.ndarray, "9 9"]) -> tuple[float, float]:
-    """How far the body is from those that cannot exist: smallest eigenvalue of its pseudo-inertia, and that in its sd.
+    """Distance to bodies that cannot exist: smallest eigenvalue of the pseudo-inertia, absolute and in sd.
 
     Negative where it cannot exist. The eigenvalue u·J u is in m² for the most part (Rucker & Wensing 2022).
     """

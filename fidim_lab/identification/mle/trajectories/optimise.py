@@ -179,7 +179,7 @@ def carry_on(
 
 
 def creeps(costs: list[float], count: int, effort: Effort) -> bool:
-    """Whether a fit of so many residuals gets better too slowly for what is left to gain."""
+    """Whether a fit of this many residuals improves too slowly to reach what could still be gained."""
     if len(costs) <= LOOKED_BACK:
         return False
     gained, misfit = costs[-1 - LOOKED_BACK] - costs[-1], costs[-1] / count
@@ -188,7 +188,7 @@ def creeps(costs: list[float], count: int, effort: Effort) -> bool:
 
 
 def is_hopeless(foretold: Sequence[float], count: int, effort: Effort) -> bool:
-    """Whether the last rounds of a fit of so many residuals agree that too much will be left."""
+    """Whether the last rounds of a fit of this many residuals agree that its remainder will stay too large."""
     return len(foretold) >= FORETELLING and min(foretold[-FORETELLING:]) > effort.hopeless * count
 
 
@@ -222,7 +222,7 @@ def hasty(effort: Effort, misfit: float) -> float:
 
 
 def relaxed(damping: float, gain: float) -> float:
-    """Less damping where the linearised problem foretold the gain, more where it did not."""
+    """Less damping where the linearised problem predicted the gain, more where it did not."""
     if gain > 0.5:
         return max(damping / 5, DAMPING[0])
     return damping if gain > 0.1 else max(4 * damping, 1e-6)

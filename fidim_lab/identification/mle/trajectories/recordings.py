@@ -47,7 +47,7 @@ class FollowedSamples:
         return float(self.t[-1])
 
     def read(self, yielding: Sequence[int]) -> PerCable:
-        """What the encoders say of the start, m: their means, but first readings of those that turn with the tension.
+        """Lengths at the start, m: the mean of each encoder, or its first reading where it turns with the tension.
 
         yielding: indices (0-based) of these. Their means would be those of a tension that swings all the while.
         """

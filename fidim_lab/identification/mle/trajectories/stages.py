@@ -225,7 +225,7 @@ def _slackening(way: _Way, start: Point, before: float, stop: float, astray: Boo
 
 
 def is_lost(likelihood: Likelihood, simulation: Simulation, w: int) -> bool:
-    """Whether the simulation of a recording misses its last part by the size of the motion."""
+    """Whether the simulation misses the last part of a recording by as much as the motion itself."""
     recording, end = likelihood.recordings[w], simulation.ends[w]
     use, seen = recording.seen_until(end)
     left = np.full(seen.shape, np.nan)
