@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.arrays import Positions, Rotations
-from fidim_lab.data.importers.reading import LENGTH_UNITS
+from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import BodyTrack
 from fidim_lab.errors import FidimError, InfeasibleError, RefusedError
 from fidim_lab.model.mechanism import Mechanism
@@ -70,10 +70,13 @@ def readings_of(mechanism: Mechanism, tracks: Sequence[Track]) -> Iterator[PoseR
 
 
 def _varies(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> float:
-    """m, robust standard deviation of the cable lengths by these poses, rms over the cables; inf without a pose."""
+    """m, robust standard deviation of the cable lengths by these poses, rms over the cables; inf with too few of them.
+
+    A body that stands still is seen once, and lengths of one sample do not vary.
+    """
     known = np.flatnonzero(np.isfinite(positions).all(axis=1))
     some = known[:: max(1, len(known) // FEW)]
-    if not len(some):
+    if len(some) < MIN_FRAMES:
         return float("inf")
     try:
         lengths = mechanism.lengths(positions[some], rotations[some])

@@ -31,6 +31,8 @@ HELD_OUT_EVERY = 3
 """every third window validates where the source does not say"""
 SEEN = 0.8
 """share of a free stretch in which a marker is to be seen; less is told"""
+TWICE = 0.5
+"""share of a take's samples that are those of others: noise makes no two of them alike"""
 JUMP = 3e-4
 """m, by which the misfit of the rigid markers changes from one sample to the next where a marker is mislabelled"""
 MOST_SAID = 12
@@ -66,9 +68,12 @@ def find_windows(group: Takes) -> Sequence[TakeWindows]:
     """Windows of all takes. A take that is refused says why."""
     mechanism = Mechanism(group.robot)
     found: list[TakeWindows] = []
+    known: dict[bytes, str] = {}
     for take in group.takes:
         try:
-            found.append(_of_take(mechanism, take, group.asked))
+            one = _of_take(mechanism, take, group.asked)
+            _refuse_twice(one, known)
+            found.append(one)
         except FidimError as error:
             found.append(TakeWindows(take, (), take.markers.decided, (), str(error)))
     return found
@@ -96,6 +101,25 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
             )
         )
     return TakeWindows(take, tuple(windows), said, tuple(warnings))
+
+
+def _refuse_twice(one: TakeWindows, known: dict[bytes, str]) -> None:
+    """Raises RefusedError where most samples stand in takes before, to the last digit; adds its own.
+
+    known: takes by what was seen in a sample.
+    """
+    mine = [row for window in one.windows for row in _rows_of(window)]
+    shared = [known[row] for row in mine if row in known]
+    if len(shared) > TWICE * len(mine):
+        what = f"{len(shared)} samples are those of take {shared[0]}: they would count twice"
+        raise RefusedError(what, hint="Leave out one of the two files.")
+    known |= dict.fromkeys(mine, one.take.id)
+
+
+def _rows_of(window: Window) -> set[bytes]:
+    """What was seen in each sample, of three coordinates at least."""
+    flat = window.markers.reshape(len(window.t), -1)
+    return {row.tobytes() for row in flat[np.isfinite(flat).sum(axis=1) >= 3]}
 
 
 def _doubts(window: str, names: Sequence[str], markers: np.ndarray, rms: np.ndarray) -> Sequence[str]:

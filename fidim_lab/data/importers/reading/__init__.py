@@ -3,6 +3,6 @@
 In: text and bytes of other programs. Out: numbers in SI, NaN where nothing was seen, or a FileError.
 """
 
-from fidim_lab.data.importers.reading.cells import EPOCH, LENGTH_UNITS
+from fidim_lab.data.importers.reading.cells import EPOCH, LENGTH_UNITS, MIN_FRAMES
 
-__all__ = ["EPOCH", "LENGTH_UNITS"]
+__all__ = ["EPOCH", "LENGTH_UNITS", "MIN_FRAMES"]

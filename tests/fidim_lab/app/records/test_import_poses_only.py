@@ -46,3 +46,41 @@ def test_three_markers_stand_for_a_pose(markers: int, swing: Swing, tmp_path: Pa
         known = seen == 3
         assert where[known] == pytest.approx(swing.p[at][known], abs=1e-5)
         assert turned[known] == pytest.approx(swing.R[at][known], abs=1e-4)
+
+
+def frames_of_ros(swing: Swing) -> str:
+    """A table of transforms as `ros2 topic echo --csv /tf` gives them: the platform, and a frame that stands still."""
+    rows = ["time,x,y,z,qx,qy,qz,qw,sx,sy,sz,s1,s2,s3,s4"]
+    for t, place, turn in zip(swing.t, swing.p, swing.quaternions, strict=True):
+        rows.append(",".join(f"{x:.7f}" for x in [t, *place, *turn, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+    return "".join(f"{row}\n" for row in rows)
+
+
+FRAMES = (
+    'format = "fidim-columns/1"\ntime = "time"\nunit = "m"\nup = "z"\n'
+    '[[body]]\nname = "fixed"\nposition = ["sx", "sy", "sz"]\nquaternion = ["s1", "s2", "s3", "s4"]\norder = "xyzw"\n'
+    '[[body]]\nname = "plate"\nposition = ["x", "y", "z"]\nquaternion = ["qx", "qy", "qz", "qw"]\norder = "xyzw"\n'
+)
+
+
+def test_a_frame_that_stands_still_is_not_the_platform(swing: Swing, tmp_path: Path):
+    write_robot(tmp_path / "robot.toml", swing.robot)
+    (tmp_path / "take.csv").write_text(frames_of_ros(swing), encoding="utf-8")
+    (tmp_path / "map.toml").write_text(FRAMES, encoding="utf-8")
+    arguments = ["csv", str(tmp_path / "take.csv"), "--robot", str(tmp_path / "robot.toml")]
+    arguments += ["--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(fidim, ["import", *arguments])
+    assert done.exit_code == 0, done.output
+    assert "rigid body plate" in done.output
+
+
+def test_one_take_given_twice_counts_once(swing: Swing, tmp_path: Path):
+    write_robot(tmp_path / "robot.toml", swing.robot)
+    rows = bodies_of_qualisys(swing).split("\r\n")
+    (tmp_path / "a.tsv").write_text("\r\n".join(rows), encoding="utf-8")
+    (tmp_path / "b.tsv").write_text("\r\n".join([*rows[:6], *rows[30:]]), encoding="utf-8")  # exported again, later
+    arguments = ["qtm-tsv", str(tmp_path / "*.tsv"), "--robot", str(tmp_path / "robot.toml")]
+    done = CliRunner().invoke(fidim, ["import", *arguments, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert "samples are those of take a" in " ".join(done.output.split())
+    assert {window.id[0] for window in read_campaign(tmp_path / "out").windows} == {"a"}
