@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.table import Table
 
 from fidim_lab.app import compose
-from fidim_lab.app.analysis.identified import summary
+from fidim_lab.app.analysis.identified import next_command, summary
 from fidim_lab.app.analysis.possible_robot import require_possible
 from fidim_lab.app.formats.dry_run_spec import DryRunSpec, write_dry_run
 from fidim_lab.app.formats.run_records import RunRecords
@@ -97,14 +97,17 @@ def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
     if not report.accepted:
         console.out.print(f"Nothing to identify. The run folder is {folder}", markup=False)
         return report.exit_code
+    further = ""
     if report.exit_code == 0:
         try:
-            _identify(folder, rehearsal.truth, json_file)
+            further = _identify(folder, rehearsal.truth, json_file)
         except OSError as error:
             what = f"{error.filename or folder}: cannot be written: {error.strerror or error}."
             hint = f"All windows are recorded. Free some space, then: fidim identify {folder}"
             raise HardwareError(what, hint=hint) from error
     console.out.print(f"run folder  {folder}", markup=False)
+    if further:
+        console.out.print(f"next        {further}", markup=False)
     if report.exit_code:
         console.out.print(f"next        fidim identify {folder}     with the windows that were accepted", markup=False)
     return report.exit_code
@@ -114,7 +117,8 @@ def _says(report: RunReport) -> str:
     return f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}"
 
 
-def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) -> None:
+def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) -> str:
+    """Identify and show it; returns the command that follows where something is missing, else nothing."""
     with Working("identifying", windows_of(folder)):
         result = run_identify(folder)
     write_result(folder / RESULT, result)
@@ -124,6 +128,7 @@ def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) ->
     console.out.print(truth_table(result, truth))
     report = write_report(folder, result)
     console.out.print(f"report      {report}", markup=False)
+    return "" if result.outcome.answers else next_command(folder, result, json_file)
 
 
 def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table:

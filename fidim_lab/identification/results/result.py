@@ -33,6 +33,10 @@ class ResultOutcome(Enum):
     UNSEEN = "The model explains the recordings, but these show none of the nine parameters by itself."
     IMPOSSIBLE_BODY = "Parameters were found, but no body can have them; do not use them."
 
+    def __str__(self) -> str:
+        """The sentence, as a script prints it."""
+        return self.value
+
     @property
     def good(self) -> bool:
         """Whether the parameters may be used."""
