@@ -126,7 +126,7 @@ def _without_touched_ends(
     """The fit without what a hand still touched, if that leaves noise alone; else as it was. And what is said of it."""
     found, kept, said = begun, windows, list[str]()
     for _ in range(CUTS):
-        shorter, cut = (kept, []) if found.explained else _shorter(kept, found)
+        shorter, cut = _shorter(kept, found)
         if all(new is old for new, old in zip(shorter, kept, strict=True)):
             break
         said += cut
@@ -139,7 +139,7 @@ def _without_touched_ends(
 def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[str]]:
     """Without the ends that stand out by much; where little is missed, without those beside a cut."""
     if not misses_much(found):
-        return beside_cuts(windows, found), []
+        return beside_cuts(windows, found)
     noise = found.noise_ratio * found.likelihood.noise
     return untouched(windows, left_by_window(found), noise)
 

@@ -4,7 +4,8 @@ Whatever else a model lacks, it lacks in the middle of a window too; so an end t
 of its window is no free motion. Held-out windows are never cut: that would flatter the model.
 
 Where a hand was found before (`cleaning.free_motion`), it may have begun gently: beside such a cut, an end counts as
-touched as soon as it is missed by more than chance, if without it all that is left is noise.
+touched as soon as it is missed by more than chance, if without it all that is left is noise. So it does where all
+windows together look like noise already: a touch of a tenth of a second is lost among them, and not in the body.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,22 +54,31 @@ def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: f
     return kept, said
 
 
-def beside_cuts(windows: Sequence[Window], found: Fit) -> list[Window]:
-    """The windows, shortened further where samples beside a cut are missed by more than chance."""
+def beside_cuts(windows: Sequence[Window], found: Fit) -> tuple[list[Window], list[str]]:
+    """The windows, shortened further where samples beside a cut are missed by more than chance; sentences as above."""
     left = left_by_window(found)
-    return [_shorter(window, left[window.id]) if window.id in left else window for window in windows]
+    kept: list[Window] = []
+    said: list[str] = []
+    for window in windows:
+        shorter, of_window = _shorter(window, left[window.id]) if window.id in left else (window, [])
+        kept.append(shorter)
+        said += of_window
+    return kept, said
 
 
-def _shorter(window: Window, left: Remainder) -> Window:
+def _shorter(window: Window, left: Remainder) -> tuple[Window, list[str]]:
     seen = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
     begin, end = float(window.t[seen[0]]), float(window.t[seen[-1]])
     span = PART * (end - begin)
     use = np.ones(len(window.t), dtype=bool)
+    said: list[str] = []
     if seen[0] > 0 and _beyond_chance(left, early=True):
         use &= window.t >= begin + span
+        said.append(f"The first {span:.2f} s that were kept of window {window.id} {_GENTLY}")
     if seen[-1] < len(window.t) - 1 and _beyond_chance(left, early=False):
         use &= window.t <= end - span
-    return window if use.all() else replace(window, markers=np.where(use[:, None, None], window.markers, np.nan))
+        said.append(f"The last {span:.2f} s that were kept of window {window.id} {_GENTLY}")
+    return replace(window, markers=np.where(use[:, None, None], window.markers, np.nan)) if said else window, said
 
 
 def _beyond_chance(left: Remainder, *, early: bool) -> bool:
@@ -80,6 +90,7 @@ def _beyond_chance(left: Remainder, *, early: bool) -> bool:
     return float(np.mean(there**2)) > (1 + chance) * float(np.mean(rest**2))
 
 
+_GENTLY = "are missed by more than noise, beside what a hand did"
 _WHY = "are missed by more than twice as much as the rest of it, as if a hand still touched"
 
 
