@@ -14,8 +14,10 @@ from fidim_lab.data.records import Body, Campaign, Role
 from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.cleaning.free_motion import hands
 from fidim_lab.identification.data_checks.robot_mistakes import find_mistakes
+from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.identify import identify
 from fidim_lab.identification.mle.spread import Quadratic
+from fidim_lab.model.mechanism import Mechanism
 
 
 def noisy(campaign, seed):
@@ -106,6 +108,16 @@ def test_what_a_hand_touches_before_it_is_seen_is_left_out(record, robot_with, t
     errors = errors_of(found.parameters.values(), truth(robot).vector)
     assert len(errors) == 9
     assert max(errors) < 3.5
+
+
+def test_a_touch_that_is_lost_among_all_samples_is_left_out_beside_a_cut(record, robot_with):
+    robot = robot_with(4)
+    windows = braked(record(robot, 4, seconds=3.0), 2.5, 1e-2)
+    windows[1].markers[windows[1].t > 2.7] = np.nan  # what cleaning found of it
+    assert fit(Mechanism(robot), windows).explained
+    found = identify(Campaign("touched", robot, 100.0, tuple(windows)))
+    assert next(w.samples for w in found.windows if w.id == "w2") <= 251
+    assert "that were kept of window w2 are missed by more than noise" in found.warnings[0]
 
 
 def test_an_end_that_a_hand_brakes_unseen_is_left_out_and_told(record, robot_with, truth):
