@@ -75,9 +75,19 @@ class Registered:
 
 
 def register_campaigns(campaigns: Sequence[Campaign]) -> Registered:
-    """Register recordings of one robot. Raises RefusedError where no pose fits, or no instant holds all markers."""
+    """Register recordings of one robot, by the windows whose lengths were read.
+
+    Raises RefusedError where no window's were, no pose fits, or no instant holds all markers.
+    """
     robot = campaigns[0].robot
-    windows = tuple(window for campaign in campaigns for window in campaign.windows)
+    every = [window for campaign in campaigns for window in campaign.windows]
+    windows = tuple(window for window in every if not window.lengths_by_poses)
+    if every and not windows:
+        raise RefusedError(
+            'The lengths of all windows come from the poses themselves (campaign.toml, lengths = "poses"): they agree '
+            "with any capture frame, and show neither frame nor markers nor zeros.",
+            hint="Register with a recording whose lengths are read by encoders with known zeros, at any equilibrium.",
+        )
     sample = sampled(robot.n, windows, each=EACH, most_windows=len(windows))
     if sample is None:
         raise RefusedError("No window holds all markers and the lengths of all cables: nothing can be registered.")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fidim_lab.errors import RefusedError
 from fidim_lab.identification.calibration.register_campaign import register_campaigns, registered_robot
 from fidim_lab.model.mechanism import Mechanism
 
@@ -33,6 +34,17 @@ def test_a_turned_and_shifted_frame_comes_back(recorded, cluster: bool):
         np.testing.assert_allclose(turn @ before.d + shift, after.d, atol=2e-3)
         np.testing.assert_allclose(np.cross(after.x, after.y), after.z, atol=1e-12)
     np.testing.assert_allclose(robot.gravity, turn @ campaign.robot.gravity, atol=0.02)
+
+
+def test_lengths_that_the_poses_gave_register_nothing(recorded):
+    """They agree with the wrong frame that they were computed in."""
+    campaign = moved(recorded(noise=NOISE, cluster=True), np.eye(3), np.array([0.05, 0.02, 0.0]))
+    by_poses = tuple(replace(w, lengths_by_poses=True) for w in campaign.windows)
+    with pytest.raises(RefusedError, match="agree with any capture frame"):
+        register_campaigns([replace(campaign, windows=by_poses)])
+    mixed = (*by_poses[:1], *campaign.windows[1:])
+    best = register_campaigns([replace(campaign, windows=mixed)]).best
+    assert (np.abs(best.placement.shift - np.array([-0.05, -0.02, 0.0])) < 4 * best.sd_shift + 1e-4).all()
 
 
 def test_a_marker_elsewhere_comes_back(recorded):
