@@ -13,6 +13,7 @@ from fidim_lab.units import millimetres, percent
 
 MOST_ODDS = 1000.0
 """told as a number; what is beyond is told as more"""
+IMPOSSIBLE = "It fits best at the bound of what is possible, or beyond it."
 
 
 def why_lost(rival: Candidate, named: Candidate, *, possible: bool) -> str:
@@ -21,7 +22,7 @@ def why_lost(rival: Candidate, named: Candidate, *, possible: bool) -> str:
         return ""
     name, figures = forms(named.model), _figures(rival.held_out, named.held_out)
     if not possible:
-        return "It fits best at a size that is impossible."
+        return IMPOSSIBLE
     if named.is_white and not rival.is_white:
         return f"It leaves motion unexplained, {name} leaves only noise{figures}."
     behind = _behind(rival.model, named.model)
@@ -35,7 +36,7 @@ def why_lost(rival: Candidate, named: Candidate, *, possible: bool) -> str:
 def why_lost_early(rival: Completed, found: Selection, named: Candidate, *, possible: bool) -> str:
     """Of a model that was fitted to the first seconds alone: beside the named one there, or the best one."""
     if not possible:
-        return "It fits best at a size that is impossible."
+        return IMPOSSIBLE
     key = names(named.model)
     there = [model for model in found.passing if names(model) == key]
     if named.is_white and not rival.is_white:

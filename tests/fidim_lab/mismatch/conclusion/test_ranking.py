@@ -93,7 +93,7 @@ def test_models_of_whole_windows_then_of_the_first_seconds_then_scores() -> None
         "",
         "It leaves motion unexplained, drag leaves only noise (held out: 0.95 mm against 0.1 mm).",
         "It leaves motion unexplained in the first seconds, drag leaves only noise.",
-        "It fits best at a size that is impossible.",
+        "It fits best at the bound of what is possible, or beyond it.",
         "Alone it explains 25 % of what is missing, drag all but noise.",
     ]
     assert [one.plausible for one in told[:4]] == [True, True, True, False]
