@@ -167,7 +167,7 @@ def _walk(table: dict[str, Any], own: Any, name: str, schema: Any, found: dict[s
     for key, value in table.items():
         field = own["properties"][key]
         if key == "every_winch":
-            _walk(value, schema["$defs"]["WinchTable"], "WinchTable", schema, found)
+            _walk(value, schema["$defs"]["RigWinchTable"], "RigWinchTable", schema, found)
         elif _leads_to_table(field, schema):
             inner = next(n for n in re.findall(r"#/\$defs/(\w+)", json.dumps(field)))
             for one in value if isinstance(value, list) else [value]:
