@@ -43,9 +43,9 @@ FIRST_LEFT_OUT = ("role", "tries", "amplitude", "margin")
 VERDICT = 12
 """columns of the longest verdict, with the gap before it"""
 LEAST_BAR = 5
-BEGIN = (
-    "Nothing has begun. r resets the emergency stop (it is latched at first), then g starts the run. Prompts stand "
-    "below and are answered by the letter shown; F12 stops everything at any time; ? explains each screen."
+HELP = (
+    "Prompts stand below and are answered by the letter shown; F12 stops everything at any time; ? explains each "
+    "screen."
 )
 CURRENT = "▶"
 """begins the row of the present window"""
@@ -75,8 +75,7 @@ def _step(view: ScreenState, status: Status, width: int) -> list[Line]:
             line("i identifies, e asks what the model leaves out; q leaves."),
         ]
     if step is None:
-        begin = BEGIN if status.phase == "idle" else "Nothing has begun."
-        return [line(Span(text, "head")) for text in wrapped(begin, width)]
+        return [line(Span(text, "head")) for text in wrapped(_how_to_begin(status), width)]
     text = step.text or step.step
     begin = f"step {step.number}, {step.phase}  "
     end = f" {100 * step.fraction:3.0f} %  {_done(status)}  left {span_of_time(step.left)}"
@@ -104,6 +103,15 @@ def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
         return []
     says = f"What is left goes on with r, or: fidim resume {shlex.quote(view.welcome.folder)}"
     return [line(Span(text, "key")) for text in wrapped(says, width)]
+
+
+def _how_to_begin(status: Status) -> str:
+    recorded = any(row.state == "done" for row in status.equilibria)
+    said = f"{_done(status)} so far." if recorded else "Nothing has begun."
+    if status.phase != "idle":
+        return said
+    first = "r resets the emergency stop (it is latched at first), then " if status.latched else ""
+    return f"{said} {first}g {'goes on' if recorded else 'starts the run'}. {HELP}"
 
 
 def _done(status: Status) -> str:

@@ -319,8 +319,10 @@ def test_nothing_identified_yet_says_which_key_does_it():
 
 
 def test_a_step_that_nobody_has_begun(fake):
-    fake.become(phase="idle", step=None, equilibria=())
+    fake.become(phase="idle", step=None, equilibria=(), latched=True)
     assert "r resets" in text_of(session_lines(ScreenState(status=fake.state), 79))
+    fake.become(phase="idle", step=None, equilibria=(), latched=False)
+    assert "Nothing has begun. g starts the run." in text_of(session_lines(ScreenState(status=fake.state), 79))
     fake.become(step=StepState(number=1, step="Hold", window="", text="", phase="preparing", fraction=0, left=1))
     assert "Hold" in text_of(session_lines(ScreenState(status=fake.state), 79))
 
