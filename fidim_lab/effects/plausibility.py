@@ -27,6 +27,8 @@ DRAG_COEFFICIENT = 2.0
 """largest of a bluff body"""
 SAIL = 4.0
 """how many times wider than its attachments and markers a platform may be"""
+FASTEST = 2.0
+"""m/s of the centre of mass of any such platform"""
 USUAL = 95.0
 """percentile of the rates of a motion that counts as their size"""
 
@@ -54,7 +56,7 @@ class Context:
     """of each pulley, m"""
     width: float
     """m across the platform, from attachments and markers"""
-    speed: float = 2.0
+    speed: float = FASTEST
     """of the centre of mass, m/s"""
     swivel_rate: float = 0.5
     """rad/s"""
@@ -126,15 +128,18 @@ class Context:
 
     @property
     def linear_drag(self) -> Limit:
-        """The same as a linear coefficient at the usual speed, N s/m."""
-        drag = self.quadratic_drag
-        return Limit(drag.size * self.speed, f"{drag.why} at {self.speed:.2g} m/s")
+        """The same as a linear coefficient, N s/m; of the fastest motion: a hose drags a slow platform as much."""
+        return self._drag_at(FASTEST)
 
     @property
     def rotational_drag(self) -> Limit:
         """Largest drag of the rotation: that of air on a sail, or of a hose; N m s."""
-        drag = self.linear_drag
+        drag = self._drag_at(self.speed)
         return Limit(drag.size * self.width**2, drag.why)
+
+    def _drag_at(self, speed: float) -> Limit:
+        drag = self.quadratic_drag
+        return Limit(drag.size * speed, f"{drag.why} at {speed:.2g} m/s")
 
 
 def over_rate(limit: Limit, rate: float) -> Limit:
