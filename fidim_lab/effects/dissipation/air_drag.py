@@ -34,7 +34,7 @@ class AirDragLinear(NamedEffect):
         return at_centre(state, -theta[0] * state.velocity(state.centre))
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
-        """That of a sail at the usual speed."""
+        """That of a sail at the fastest speed."""
         return {"c": context.linear_drag}
 
 
