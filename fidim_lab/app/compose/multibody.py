@@ -29,7 +29,7 @@ class Multibody:
     """(6,) [ṗ; ω] at the start, along which the lengths do not change"""
 
 
-def multibody_mjcf(made: Multibody, comment: str) -> str:
+def multibody_mjcf(made: Multibody) -> str:
     """MJCF: body `platform`, tendon `cable0` …, sites `marker0` …, and the keyframe `start`.
 
     A cable is an equality: it would push where it had to, so a motion in which one goes slack is not physical there.
@@ -44,7 +44,7 @@ def multibody_mjcf(made: Multibody, comment: str) -> str:
     spin = made.pose.rotation.T @ made.twist[3:]
     rates = [*made.twist[:3], *spin, *(_swivel_rate(cable, made.pose, made.twist) for cable in made.cables)]
     key = f'<keyframe><key name="start" qpos="{_text(place)}" qvel="{_text(rates)}"/></keyframe>'
-    return f"<!-- {comment} -->\n" + text.replace("</mujoco>", f"  {key}\n</mujoco>\n")
+    return text.replace("</mujoco>", f"  {key}\n</mujoco>\n")
 
 
 def _swivel_rate(cable: Cable, pose: Pose, twist: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 `mjcf`: a model that MuJoCo runs. `python`: a module of functions (cable lengths → pose and tensions, zero dynamics).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -11,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.app.compose.multibody import Multibody, multibody_mjcf
+from fidim_lab.app.records.mjcf_effects import TERMS, MjcfModel
 from fidim_lab.app.report.contents.found_model import Model, found_model, read_found
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.records import Body, Campaign, Pose, Role, Window
@@ -23,6 +25,7 @@ from fidim_lab.model.slots import Effect
 
 MOVING = ("length_drift", "compliance", "stretch_damping", "wrench", "tension_wrench", "kinetic_energy", "extra_rates")
 """slots by which an effect moves the platform otherwise; geometry and gravity are told, what only sensors see is not"""
+HINT = "For the body without it, give the result of identify. docs/python.md lists what can be exported."
 TILT = "gravity-tilt"
 TEMPLATE = "feedforward.py.txt"
 
@@ -35,6 +38,10 @@ class WindowStart:
     pose: Pose
     twist: np.ndarray
     """(6,) [ṗ; ω], m/s and rad/s"""
+    t: np.ndarray
+    """(N,) s since the begin, of the predicted path"""
+    marker: np.ndarray
+    """(N, 3) m: where the main marker is on it, before what cameras make of it"""
 
 
 def robot_model(source: Path, campaign: Campaign) -> Model:
@@ -50,23 +57,33 @@ def start_of(model: Model, campaign: Campaign, window: str | None) -> WindowStar
     chosen = _chosen(campaign, window)
     robot = model.mechanism.robot
     found = held_out.predict(model.mechanism, model.shared, prepare(chosen, robot), robot.sensors)
-    states = found.journey.optimum.simulation.point.states
-    return WindowStart(chosen.id, Pose(states.positions[0], states.rotations[0]), states.twists[0])
+    path = found.journey.optimum.simulation.batches[0].trajectories
+    marker = path.positions[0] + path.rotations[0] @ robot.markers[0]
+    known = np.isfinite(marker).all(axis=1)
+    begin = Pose(path.positions[0, 0], path.rotations[0, 0])
+    return WindowStart(chosen.id, begin, path.twists[0, 0], path.grid.t[known], marker[known])
 
 
 def robot_mjcf(model: Model, start: WindowStart, mass: float, origin: str) -> str:
     """The robot as MJCF. Raises SetupError where an effect was named that MJCF has no term for."""
     robot = model.mechanism.robot
+    body = Body.from_vector(model.shared[:9])
     made = Multibody(
         cables=model.mechanism.geometry(),
         mass=mass,
-        body=Body.from_vector(model.shared[:9]),
+        body=body,
         markers=robot.markers,
-        gravity=gravity_of(model, "MJCF"),
+        gravity=gravity_of(model, "MJCF", tuple(TERMS)),
         pose=start.pose,
         twist=start.twist,
     )
-    return multibody_mjcf(made, f"{origin} Keyframe start: window {start.window}.".replace("--", "- -"))
+    # effects are in newtons at the robot file's mass; another mass moves alike under as many times the force
+    mjcf = MjcfModel(multibody_mjcf(made), body.com, mass / robot.mass)
+    for effect, theta in _with_theta(model):
+        if isinstance(effect, NamedEffect) and type(effect) in TERMS:
+            TERMS[type(effect)](mjcf, effect, theta)
+    comment = f"{origin} Keyframe start: window {start.window}.".replace("--", "- -")
+    return f"<!-- {comment} -->\n{mjcf.text()}"
 
 
 def robot_python(model: Model, start: WindowStart, mass: float, origin: str) -> str:
@@ -89,23 +106,35 @@ def robot_python(model: Model, start: WindowStart, mass: float, origin: str) -> 
     return text.replace("@ORIGIN@", origin.replace('"', "'")).replace("@CONSTANTS@", written)
 
 
-def gravity_of(model: Model, what: str) -> Vector3:
-    """Gravity with what tilts it. Raises SetupError for an effect that neither geometry nor gravity can tell."""
-    mechanism = model.mechanism
-    gravity, first = mechanism.robot.gravity, 0
-    for effect in mechanism.effects:
-        theta = mechanism.theta[first : first + len(effect.parameters)]
-        first += len(effect.parameters)
+def gravity_of(model: Model, what: str, terms: tuple[type[Effect], ...] = ()) -> Vector3:
+    """Gravity with what tilts it.
+
+    Raises SetupError for an effect that neither geometry nor gravity can tell, nor is one of `terms`.
+    """
+    gravity = model.mechanism.robot.gravity
+    for effect, theta in _with_theta(model):
         if isinstance(effect, NamedEffect) and effect.id == TILT:
             turn = rotation_from_gibbs(ca.SX(ca.DM([*(theta / 2), 0.0])))
             gravity = np.array(ca.evalf(turn)) @ gravity
-        elif any(getattr(type(effect), slot) is not getattr(Effect, slot) for slot in MOVING):
+        elif type(effect) not in terms and _moves(effect):
             name = effect.label if isinstance(effect, NamedEffect) else type(effect).__name__
             raise SetupError(
                 f"{what} has no term for {name}, which was named here.",
-                hint="Geometry and gravity can be exported; for the body without it, give the result of identify.",
+                hint=HINT,
             )
     return gravity
+
+
+def _moves(effect: Effect) -> bool:
+    return any(getattr(type(effect), slot) is not getattr(Effect, slot) for slot in MOVING)
+
+
+def _with_theta(model: Model) -> Iterator[tuple[Effect, np.ndarray]]:
+    first = 0
+    for effect in model.mechanism.effects:
+        last = first + len(effect.parameters)
+        yield effect, model.mechanism.theta[first:last]
+        first = last
 
 
 def _chosen(campaign: Campaign, window: str | None) -> Window:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -11,9 +12,25 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.cli import run
+from fidim_lab.app.compose.multibody_replay import replay_rms
+from fidim_lab.app.records.export_robot import robot_mjcf, robot_model, start_of
+from fidim_lab.app.records.mjcf_effects import TERMS
+from fidim_lab.app.report.contents.found_model import Model
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Motion
+from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
 from fidim_lab.effects.catalogue import by_id
+from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.dissipation.rotational_drag import (
+    RotationalDrag,
+    RotationalDragPerAxis,
+    RotationalDragQuadratic,
+)
+from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.loads.body_force import BodyForce
+from fidim_lab.effects.loads.constant_force import ConstantForce
+from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.equilibria import pose_from_lengths
@@ -144,19 +161,79 @@ def test_gravity_that_is_tilted_is_exported(folder: Path, tmp_path: Path) -> Non
 
 
 def test_what_cannot_be_exported_is_told(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    drag = {"c": {"value": 0.4, "sd": 0.01, "unit": "N s/m"}}
-    _explain(folder, read_campaign(folder), [{"id": "air-drag-linear", "parameters": drag}], "drag.json")
+    lay = {"c": {"value": 0.001, "sd": 1e-5, "unit": "m"}}
+    _explain(folder, read_campaign(folder), [{"id": "lay-torque", "parameters": lay}], "lay.json")
     for arguments, said in (
-        (("mjcf", tmp_path / "a.xml"), "no term for air-drag-linear"),
+        (("mjcf", tmp_path / "a.xml"), "no term for lay-torque"),
         (("urdf", tmp_path / "a.urdf"), "mjcf and python can"),
     ):
-        assert _export(folder, *arguments, name="drag.json") == 2
+        assert _export(folder, *arguments, name="lay.json") == 2
         assert said in capsys.readouterr().err
     assert _export(folder, "mjcf", tmp_path / "a.xml", "--window", "v99") == 2
     assert "there are i01, v01" in capsys.readouterr().err
-    assert run(["export", str(folder / "drag.json"), "--to", "mjcf", "--window", "v01"]) == 2
+    assert run(["export", str(folder / "lay.json"), "--to", "mjcf", "--window", "v01"]) == 2
     assert "--window goes with --campaign" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+LOUD: tuple[tuple[tuple[NamedEffect, tuple[float, ...]], ...], ...] = (
+    (
+        (AirDragLinear(), (0.4,)),
+        (RotationalDragPerAxis(), (0.05, 0.01, 0.1)),
+        (ConstantForce(), (1.0, 0.5, -2.0)),
+        (Umbilical(), (5.0, 0.3, 4.0, 2.0, 10.0, 0.05, -0.03, 0.1)),
+    ),
+    (
+        (AirDragQuadratic(), (1.0,)),
+        (RotationalDragQuadratic(), (0.05,)),
+        (BodyForce(), (1.0, 0.5, -1.0, 0.1, 0.05, -0.1)),
+        (SwivelDamping(cable=2), (0.05,)),
+    ),
+    ((RotationalDrag(), (0.02,)), (SwivelFriction(), (0.01,)), (SwivelInertia(cable=3), (0.005,))),
+)
+
+
+def test_every_effect_with_a_term_is_tried() -> None:
+    assert {type(effect) for effects in LOUD for effect, _ in effects} == set(TERMS)
+
+
+@pytest.mark.parametrize("effects", LOUD)
+def test_mujoco_feels_the_effects_that_were_named(
+    effects: tuple[tuple[NamedEffect, tuple[float, ...]], ...], folder: Path, tmp_path: Path
+) -> None:
+    told = [
+        {
+            "id": effect.id,
+            **({} if effect.cable is None else {"cable": effect.cable}),
+            "says": effect.says,
+            "parameters": {
+                p.name: {"value": value, "sd": 1e-3, "unit": p.unit}
+                for p, value in zip(effect.parameters, values, strict=True)
+            },
+        }
+        for effect, values in effects
+    ]
+    campaign = read_campaign(folder)
+    _explain(folder, campaign, told, "named.json")
+    answer = tmp_path / "answer.json"
+    more = ("--json", str(answer), "--mass", str(1.5 * campaign.robot.mass))  # the motion is the same at any mass
+    assert _export(folder, "mjcf", tmp_path / "named.xml", *more, name="named.json") == 0
+    assert json.loads(answer.read_text())["replay_rms"] < 1e-4  # m; 0.003 mm here; 1 mm is what is promised
+
+    model = robot_model(folder / "named.json", campaign)
+    start = start_of(model, campaign, None)
+    without = Model(Mechanism(campaign.robot), model.shared[:9])
+    rms = replay_rms(robot_mjcf(without, start, campaign.robot.mass, ""), start.t, start.marker)
+    assert rms is not None
+    assert rms > 3e-4  # they are to be felt
+
+
+def test_without_mujoco_it_is_said_that_nothing_was_replayed(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    assert _export(folder, "mjcf", tmp_path / "robot.xml") == 0
+    assert "not replayed: MuJoCo is not installed here" in capsys.readouterr().out
 
 
 def _imported(path: Path) -> ModuleType:
