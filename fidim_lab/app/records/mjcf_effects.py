@@ -96,7 +96,7 @@ class MjcfModel:
         """As a file holds it."""
         for hinge in self.root.findall("./worldbody/body/joint[@frictionloss]"):
             inertia = LIGHT + float(hinge.get("armature", "0"))
-            # MuJoCo's dry friction is −(damping · rate + acceleration) / SOFT up to its loss, ours loss · rate / DRY_RATE
+            # MuJoCo has −(damping · rate + acceleration) / SOFT up to the loss; ours is loss · rate / DRY_RATE
             impedance = 1 / (1 + SOFT * inertia)
             damping = SOFT * float(hinge.get("frictionloss", "0")) / DRY_RATE
             hinge.set("solreffriction", numbers([-1, -damping * impedance]))
