@@ -6,7 +6,7 @@
 The fit of the windows so far is the start of the next, and a new window first finds its own initial state, so a look
 takes a second where `explain` takes many. It refits no effect and predicts nothing held out: what it suspects are
 scores, to be followed up by `explain` once the campaign is whole. Evidence is a ratio of likelihoods, so the chance
-that a sound model is ever suspected, however often one looks, is below e^−SCORES.enough for each hypothesis (Ville's
+that a sound model is ever suspected, however often one looks, is below e^−SHARED.enough for each hypothesis (Ville's
 inequality).
 """
 
@@ -22,7 +22,7 @@ from fidim_lab.identification.mle.held_out import HeldOutPrediction, predict_all
 from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.identification.mle.trajectories.optimise import optimise
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
-from fidim_lab.identification.mle.trajectories.stages import Journey
+from fidim_lab.identification.mle.trajectories.stages import HORIZONS, Journey
 from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.fitting.baseline import context_of, ready
 from fidim_lab.mismatch.fitting.fit_data import (
@@ -35,19 +35,11 @@ from fidim_lab.mismatch.fitting.fit_data import (
     short_fit,
     whole_ground,
 )
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
 from fidim_lab.mismatch.scores.score import Projected, Score, WindowGram, projected, single_scores, window_grams
-from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.integrate import States
-
-FEWEST = 3
-"""windows, before which the body is hardly known and nothing can be said of the model"""
-MOST = 3
-"""suspicions that are told"""
-CERTAIN = 4.0
-"""standard deviations of χ² above what noise alone gives, from which something is left"""
 
 
 @dataclass(frozen=True)
@@ -108,9 +100,9 @@ class Watch:
             except RefusedError as refusal:  # nothing moves, or the robot file is not of this robot
                 self._refused[window.id] = str(refusal)
         refusal = next(iter(self._refused.values()), "")
-        if len(self._windows) < FEWEST:
+        if len(self._windows) < SHARED.fewest:
             self._look_ahead()
-            says = refusal or f"{_windows(len(self._windows))} so far: {FEWEST} are needed to check the model."
+            says = refusal or f"{_windows(len(self._windows))} so far: {SHARED.fewest} are needed to check the model."
             return SoFar(len(self._windows), None, None, None, not refusal, (), says)
         try:
             found = self._refitted()
@@ -124,7 +116,7 @@ class Watch:
         The fit of one window is thrown away: its body is too far off for scores that are carried along.
         """
         try:
-            self._scored(self._refitted() if len(self._windows) == FEWEST - 1 else self._begun())
+            self._scored(self._refitted() if len(self._windows) == SHARED.fewest - 1 else self._begun())
         except RefusedError:
             self._found = None
 
@@ -133,7 +125,7 @@ class Watch:
         found = None
         if self._found is not None:
             found = extended(self._found, self._windows[self._fitted :], self._seconds)
-        if found is None or (self._seconds != SCORES.shortest_view and found.excess >= FITTING.near):
+        if found is None or (self._seconds != HORIZONS[1] and found.excess >= SHARED.near):
             self._grams = []
             found = self._begun()
         self._found, self._fitted = found, len(self._windows)
@@ -143,12 +135,12 @@ class Watch:
         """From nominal values, with growing horizons, as far as the model follows."""
         windows = self._campaign(self._windows).windows
         short = short_fit(self._mechanism, windows)
-        if short.excess < FITTING.near:
+        if short.excess < SHARED.near:
             whole = followed(short, windows)
-            self._seconds = FITTING.first_seconds if whole is None else None
+            self._seconds = HORIZONS[2] if whole is None else None
             return whole or short
-        self._seconds = SCORES.shortest_view
-        return nearer(short, SCORES.shortest_view) or short
+        self._seconds = HORIZONS[1]
+        return nearer(short, HORIZONS[1]) or short
 
     def _scored(self, found: Fit) -> tuple[Projected, tuple[Score, ...]]:
         """All scores; of windows that have been looked at before, their first-order statements are carried along."""
@@ -170,7 +162,7 @@ def followed(short: Fit, windows: Sequence[Window]) -> Fit | None:
     ground = whole_ground(ground_of(short), windows)
     everything, prior = np.ones(len(short.values), dtype=bool), ground.prior(np.zeros(0), np.zeros(0))
     found = settle(ground, short, short.likelihood.mechanism, short.journey.optimum.point, prior, everything)
-    return found if found is not None and found.excess < FITTING.near and not found.journey.lost else None
+    return found if found is not None and found.excess < SHARED.near and not found.journey.lost else None
 
 
 def extended(found: Fit, windows: Sequence[Window], seconds: float | None) -> Fit | None:
@@ -216,19 +208,19 @@ def _joined(states: Sequence[States]) -> States:
 def _told(found: Fit, scored: tuple[Projected, tuple[Score, ...]], refusal: str) -> SoFar:
     count = len(found.likelihood.recordings)
     dof = sum(left.dof for left in found.remainders)
-    left = found.excess - 1 > CERTAIN * float(np.sqrt(2 / max(1, dof)))
+    left = found.excess - 1 > SHARED.certain * float(np.sqrt(2 / max(1, dof)))
     suspected = _suspected(found, *scored)
     seconds = float(max(recording.end for recording in found.likelihood.recordings))
     rms = float(np.sqrt(np.mean([one.rms**2 for one in found.remainders])))
     holds = not (left or suspected or refusal)
     says = f"{_windows(count)} so far: χ²/dof {found.excess:.3g}"
-    says += f" over the first {seconds:.0f} s" if seconds <= FITTING.first_seconds + 1e-9 else ""
+    says += f" over the first {seconds:.0f} s" if seconds <= HORIZONS[2] + 1e-9 else ""
     if holds:
         says += ", the model holds: nothing but noise is left, and no effect is suspected."
     elif suspected:
         best = suspected[0]
         place = "" if best.cable is None else f" (cable {best.cable})"
-        says += f"; suspected: {best.id}{place}, log-evidence {best.log_evidence:.0f} ({SCORES.enough:g} is enough); "
+        says += f"; suspected: {best.id}{place}, log-evidence {best.log_evidence:.0f} ({SHARED.enough:g} is enough); "
         says += f"it would leave {best.would_leave:.3g}."
         others = dict.fromkeys(other.id for other in suspected[1:] if other.id != best.id)
         says += f" Next: {', '.join(others)}." if others else ""
@@ -241,7 +233,7 @@ def _told(found: Fit, scored: tuple[Projected, tuple[Score, ...]], refusal: str)
 def _suspected(found: Fit, seen: Projected, singles: Sequence[Score]) -> tuple[Suspicion, ...]:
     chosen: dict[object, Score] = {}
     for score in singles:
-        if score.log_evidence > SCORES.enough:
+        if score.log_evidence > SHARED.enough:
             chosen.setdefault(score.tried[0].effect, score)
     scale = max(1, seen.dof) * found.noise_ratio**2
     return tuple(
@@ -251,7 +243,7 @@ def _suspected(found: Fit, seen: Projected, singles: Sequence[Score]) -> tuple[S
             score.log_evidence,
             (seen.left - score.gain) / scale,
         )
-        for score in list(chosen.values())[:MOST]
+        for score in list(chosen.values())[: SHARED.leaders]
     )
 
 

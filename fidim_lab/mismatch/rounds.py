@@ -19,7 +19,6 @@ from fidim_lab.mismatch.conclusion.timing import retimed
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import candidate
@@ -31,7 +30,7 @@ from fidim_lab.mismatch.selection.general_geometry import (
     rival,
 )
 from fidim_lab.mismatch.selection.select import Selection, select
-from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
 
@@ -113,12 +112,12 @@ class Rounds:
         A wrong geometry makes lengths miss by another amount in every window too: an error counts only where it is
         evident beside an open geometry, and more so than any effect there.
         """
-        errors = reading_errors(recorded.fit, recorded.campaign, SCORES.enough)
+        errors = reading_errors(recorded.fit, recorded.campaign, SHARED.enough)
         if errors is None or _effects_say_more(seen, errors):
             return None
         general = None if seen is None else rival(seen)
         open_fit = opened(recorded, 1.0 if general is None else general.factor, self.say)
-        beside = reading_errors(open_fit.fit, recorded.campaign, SCORES.enough)
+        beside = reading_errors(open_fit.fit, recorded.campaign, SHARED.enough)
         if beside is None or _effects_say_more(first_look(open_fit), beside):
             return None
         errors = errors if errors.kinds <= beside.kinds else beside
@@ -126,7 +125,7 @@ class Rounds:
         if seen is None:
             return right
         before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.exact))
-        takes = after.whiteness.excess < SELECTION.geometry_takes * before.whiteness.excess
+        takes = after.whiteness.excess < SHARED.half * before.whiteness.excess
         return right if after.is_white or takes else None
 
     def _beside_effects(self, found: Reached) -> ReadingErrors | None:
@@ -137,7 +136,7 @@ class Rounds:
         general = rival(last.found.last)
         if general is not None and general.best > ODDS:
             return None  # a geometry that could be open says as much
-        return reading_errors(best.model.fit, last.cleaned.campaign, SCORES.enough)
+        return reading_errors(best.model.fit, last.cleaned.campaign, SHARED.enough)
 
     def _put_right(self, cleaned: Cleaned, errors: ReadingErrors) -> "_Right":
         """The readings as their sensors should have read, fitted."""
@@ -171,11 +170,12 @@ class Rounds:
         seen: all scores at the baseline, where they are known.
         """
         audited = audit(cleaned, baseline, say=self.say)
-        begun = baseline if audited is cleaned else self.fitted(audited.campaign, baseline)
-        first = self._look(audited, begun, seen=seen)
+        begun = baseline if audited is None else self.fitted(audited.campaign, baseline)
+        first = self._look(audited or cleaned, begun, seen=seen)
         kept = restored(cleaned, first.cleaned, first.found.best.model, self.say)
-        if kept is not first.cleaned:
-            again = baseline if _all_put_back(cleaned, kept) else self.fitted(kept.campaign, baseline)
+        if kept is not None:
+            all_put_back = kept.campaign.windows == cleaned.campaign.windows
+            again = baseline if all_put_back else self.fitted(kept.campaign, baseline)
             first = self._look(kept, again, first.found.best.model)
         return first, self._by_the_right_clock(first)
 
@@ -239,14 +239,14 @@ class Rounds:
         if general is None or general.best < ODDS:
             return first, last
         noise = seen.fit.noise_ratio**2
-        left = SELECTION.geometry_takes * (seen.projected.inflation - noise)
+        left = SHARED.half * (seen.projected.inflation - noise)
         if not (best.is_white or general.temper - noise < left):
             return first, last
         again, end = self._gone(cleaned, opened(exact, general.factor, self.say))
         after = end.found.best
         if best.is_white or after.is_white:
             return (again, end) if end.unexplained <= last.unexplained else (first, last)
-        takes = after.whiteness.excess < SELECTION.geometry_takes * best.whiteness.excess
+        takes = after.whiteness.excess < SHARED.half * best.whiteness.excess
         return (again, end) if takes else (first, last)
 
 
@@ -269,12 +269,6 @@ class _Right:
 def _effects_say_more(seen: View | None, errors: ReadingErrors) -> bool:
     """Whether readings do not lead the effects that were looked at by odds of 20; never where nothing is missing."""
     return seen is not None and errors.nats < most_of_effects(seen, errors.temper) + ODDS
-
-
-def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:
-    """Whether nothing is cut out any more, so that the first fit of the model as it is still holds."""
-    before, after = cleaned.campaign.windows, kept.campaign.windows
-    return len(before) == len(after) and all(one is other for one, other in zip(before, after, strict=True))
 
 
 def _without(cleaned: Cleaned, pushes: Sequence[Contact], say: Say) -> Cleaned:

@@ -20,11 +20,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fidim_lab.mismatch.thresholds import SHARED
 from procedures.events import Event, WindowFinished
 from procedures.outcomes import Outcome
 
-FEWEST = 3
-"""windows below which no model can be checked, as in `mismatch.online_monitor`"""
 LINE = 1 << 20
 """bytes of an answer at most"""
 LAST = 10.0
@@ -55,7 +54,7 @@ class ModelCheck:
         """folder: the run's. planned: windows; with fewer than can be checked nothing is started."""
         self._folder = folder
         self._tell = tell
-        self._useful = planned >= FEWEST
+        self._useful = planned >= SHARED.fewest
         self._process: asyncio.subprocess.Process | None = None
         self._working: asyncio.Task[None] | None = None
         self._waiting = ""

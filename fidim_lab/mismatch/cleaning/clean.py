@@ -23,6 +23,7 @@ from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.identification.markers.neighbours import noise_of
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.say import Say
 
 
@@ -79,7 +80,7 @@ def _contacts(campaign: Campaign, recordings: CleanRecordings) -> tuple[Contact,
     ends = {window.id: (float(window.t[0]), float(window.t[-1])) for window in campaign.windows}
     hands = [one for one in recordings.removed if one.why == HANDS]
     return tuple(
-        Contact(window, *one.t, RULE.above**2, CLEANING.hand_times_sooner)
+        Contact(window, *one.t, RULE.above**2, CLEANING.timed)
         for one in hands
         for window in (whole_id(one.window),)  # a second hand may lie in what the first one left: "i03, part 2"
         if one.t[0] > ends[window][0] and one.t[1] < ends[window][1]
@@ -90,19 +91,19 @@ def _refuse_stillness(campaign: Campaign) -> None:
     """Raise RefusedError where no window of role `identify` shows more motion than scatter."""
     windows = campaign.of_role(Role.IDENTIFY)
     ratios = {window.id: ratio for window in windows if (ratio := _motion_over_noise(window)) is not None}
-    if not ratios or max(ratios.values()) > CLEANING.clean_moves or len(ratios) < len(windows):
+    if not ratios or max(ratios.values()) > SHARED.usual or len(ratios) < len(windows):
         return
     best = max(ratios, key=lambda id: ratios[id])
     raise RefusedError(
         f"Nothing swings in the {len(windows)} windows of role identify: markers move at most {ratios[best]:.2g} times "
-        f"their own scatter from sample to sample (window {best}); more than {CLEANING.clean_moves:g} times is needed.",
+        f"their own scatter from sample to sample (window {best}); more than {SHARED.usual:g} times is needed.",
         hint="Record windows in which the platform swings freely, and check that the markers are those of this rig.",
     )
 
 
 def _motion_over_noise(window: Window) -> float | None:
     """rms of all marker coordinates about their means over their noise by fourth differences; None if unknown."""
-    if len(window.t) <= CLEANING.clean_fewest:
+    if len(window.t) <= 5:
         return None
     columns = even_grid(window.t).spread(window.markers.reshape(len(window.t), -1))
     noise = noise_of(columns)

@@ -18,6 +18,7 @@ from fidim_lab.mismatch.cleaning.segments import Segmented
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.residuals.whiteness import whiteness
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact, ...]:
@@ -38,7 +39,7 @@ def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact,
 
 def _segmented(window: Window, one: Parts, level: float) -> Segmented:
     """A window's segments, each with a start of its own and the lengths that the motors hold left free."""
-    edges = np.arange(0, len(one.t), round(CLEANING.segments_length / CLEANING.restarts_step))
+    edges = np.arange(0, len(one.t), round(CLEANING.segment / CLEANING.timed))
     grams = np.diff(one.grams[edges], axis=0)
     dof = np.maximum(np.diff(one.count[edges]) - one.kept.shape[1], 1).astype(float)
     left = grams[:, -1, -1] - taken(grams[:, :-1, :-1], grams[:, :-1, -1])
@@ -58,7 +59,7 @@ def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, .
     single, double = lefts.sum(axis=0)
     inside = np.sum([one.count[pairs[:, 1]] - one.count[pairs[:, 0]] for one in alike.values()], axis=0)
     more = sum(one.kept.shape[1] for one in alike.values())
-    if (single - double).max() < chdtri(more, CLEANING.restarts_chance / len(pairs)):
+    if (single - double).max() < chdtri(more, SHARED.chance / len(pairs)):
         return ()
     times = first.t[pairs]
     moment = _moment(times, single - double - more)
@@ -73,10 +74,10 @@ def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, .
     return tuple(
         Contact(
             id,
-            round(float(one.t[0]) + begin - CLEANING.hand_times_sooner, 2),
-            round(float(one.t[0]) + end + CLEANING.hand_times_sooner, 2),
+            round(float(one.t[0]) + begin - CLEANING.timed, 2),
+            round(float(one.t[0]) + end + CLEANING.timed, 2),
             float(before / after),
-            CLEANING.hand_times_sooner,
+            CLEANING.timed,
             float(before - after),
         )
         for (id, one), (before, after) in zip(alike.items(), lefts[:, :, best], strict=True)
@@ -93,10 +94,10 @@ def _moment(times: Float[np.ndarray, "P 2"], gain: Float[np.ndarray, " P"]) -> f
     single = times[:, 0] == times[:, 1]
     at, gain = times[single, 0], gain[single]
     top = int(np.argmax(gain))
-    far = np.abs(at - at[top]) >= CLEANING.restarts_away
+    far = np.abs(at - at[top]) >= CLEANING.free
     if not far.any():
         return None
-    hill = (2 * CLEANING.restarts_away / (at[-1] - at[0])) ** 2
+    hill = (2 * CLEANING.free / (at[-1] - at[0])) ** 2
     sharp = gain[top] - gain[far].max() > max(
         CLEANING.restarts_much_more, CLEANING.common_push_sharper * hill * gain[top]
     )

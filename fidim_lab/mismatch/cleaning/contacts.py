@@ -23,6 +23,7 @@ from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.cleaning.hand_times import hand_times
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     else:
         runs += _lasting(segments, {one.window.id for one, _ in runs})
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
-    if np.nanmean(np.array(begins) > CLEANING.contacts_lively) > CLEANING.contacts_often:
+    if np.nanmean(np.array(begins) > SHARED.usual) > SHARED.few:
         runs = [(one, run) for one, run in runs if run[0] > 0]
     common = {contact.window: contact for contact in at_the_same_time(segments.windows)}
     found = [_timed(segments, one, first, end) for one, (first, end) in runs]
@@ -97,7 +98,7 @@ def without(campaign: Campaign, contacts: Sequence[Contact]) -> Campaign:
     for window in campaign.windows:
         ours = [contact for contact in contacts if contact.window == window.id]
         cuts = [(contact.begin, contact.end) for contact in ours]
-        windows.extend(parts(window, cuts, CLEANING.contacts_worth) if ours else [window])
+        windows.extend(parts(window, cuts, CLEANING.free) if ours else [window])
     return replace(campaign, windows=tuple(windows))
 
 
@@ -130,7 +131,7 @@ def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[
             and (free < CLEANING.contacts_above * max(1.0, usual)).all()
         ):
             found.append((one, (int(known[first]), len(one.chi2_per_dof))))
-    return found if len(found) <= max(1.0, CLEANING.contacts_lasting * len(segments.windows)) else []
+    return found if len(found) <= max(1.0, SHARED.few * len(segments.windows)) else []
 
 
 def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
@@ -143,8 +144,8 @@ def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
         return ()
     pooled, of_all = np.nanmedian(chi2, axis=0), np.nansum(dof, axis=0)
     level = max(1.0, float(np.quantile(pooled, 0.4)))
-    beyond = (pooled / level - 1) / (CLEANING.contacts_median * np.sqrt(2 / of_all))
-    high = beyond > CLEANING.contacts_as_noise
+    beyond = (pooled / level - 1) / (np.sqrt(np.pi / 2) * np.sqrt(2 / of_all))
+    high = beyond > SHARED.certain
     first, end = int(np.argmax(high)), len(high) - int(np.argmax(high[::-1]))
     if not beyond.max() > CLEANING.contacts_certain or first == 0 or end == len(high) or not high[first:end].all():
         return ()
@@ -157,7 +158,7 @@ def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
             round(float(one.edges[first]), 2),
             round(float(one.edges[end]), 2),
             ratio,
-            CLEANING.hand_times_sooner,
+            CLEANING.timed,
         )
         for one in alike
     )
@@ -167,7 +168,7 @@ def _cut_alike(one: Segmented, other: Segmented) -> bool:
     """Whether the segments of both begin and end at the same times since their first."""
     if len(one.edges) != len(other.edges):
         return False
-    return bool(np.abs(one.edges - one.edges[0] - (other.edges - other.edges[0])).max() < CLEANING.contacts_same_time)
+    return bool(np.abs(one.edges - one.edges[0] - (other.edges - other.edges[0])).max() < SHARED.at_once)
 
 
 def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, Contact]:
@@ -179,7 +180,7 @@ def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, 
     within = [
         (one, all_of)
         for one, all_of in wide
-        if all_of.begin - CLEANING.hand_times_sooner <= one.begin and one.end <= all_of.end + CLEANING.hand_times_sooner
+        if all_of.begin - CLEANING.timed <= one.begin and one.end <= all_of.end + CLEANING.timed
     ]
     if len(within) <= len(common) / 2 or np.median([one.ratio for one, _ in within]) < CLEANING.contacts_far_above:
         return common
@@ -200,7 +201,7 @@ def _foreseen(segments: Segments) -> list[np.ndarray]:
     if known.sum() < 3 or np.ptp(x[known]) < 1e-9:
         return [np.ones(len(one)) for one in lively]
     law = theilslopes(y[known], x[known])
-    power = float(np.clip(law.slope, 0.0, CLEANING.contacts_steepest))
+    power = float(max(law.slope, 0.0))
     level = float(np.median(y[known] - power * x[known]))
     scatter = float(np.median(np.abs(y[known] - power * x[known] - level))) / MARKERS.neighbours_mad
     return [1 + np.exp(level + power * one + CLEANING.contacts_foreseen * scatter) for one in lively]
@@ -217,4 +218,4 @@ def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
     chi2 = one.chi2_per_dof
     ratio = float(np.nanmax(chi2[first:end]) / np.nanmedian(np.delete(chi2, slice(first, end))))
     begin, finish = hand_times(segments, one, first, end, ratio)
-    return Contact(one.window.id, round(begin, 2), round(finish, 2), ratio, CLEANING.hand_times_sooner)
+    return Contact(one.window.id, round(begin, 2), round(finish, 2), ratio, CLEANING.timed)

@@ -28,10 +28,10 @@ def hand_times(segments: Segments, one: Segmented, first: int, end: int, ratio: 
         finish = _free_again(segments, one, first, end, above)
     if begin >= finish:
         # so weak that it shows only after it has ended: nothing more is known than the segments
-        begin, finish = float(edges[first]) + CLEANING.hand_times_sooner, float(edges[end]) - CLEANING.hand_times_sooner
+        begin, finish = float(edges[first]) + CLEANING.timed, float(edges[end]) - CLEANING.timed
     begin, finish = (
-        max(float(window.t[0]), begin - CLEANING.hand_times_sooner),
-        min(float(window.t[-1]), finish + CLEANING.hand_times_sooner),
+        max(float(window.t[0]), begin - CLEANING.timed),
+        min(float(window.t[-1]), finish + CLEANING.timed),
     )
     return begin, finish
 
@@ -51,7 +51,7 @@ def _free_again(segments: Segments, one: Segmented, first: int, end: int, above:
         return finish if backward is None else until - backward
     # what dissipates cannot be followed backwards: the earliest time from which on it is followed forwards
     held, free = float(one.edges[first]), finish
-    while free - held > CLEANING.hand_times_sooner:
+    while free - held > CLEANING.timed:
         middle = (held + free) / 2
         whole = part(window, (window.t >= middle) & (window.t < last), window.id)
         found = None if whole is None else followed(segments.fit, whole, last - middle)
@@ -66,7 +66,7 @@ def _departure(segments: Segments, window: Window | None, free: float, above: fl
     above: rms residual, in what it usually is, beyond which it has.
     What is fitted ends before that: where the segments change a soft push may have begun already.
     """
-    found = None if window is None else followed(segments.fit, window, max(free - CLEANING.not_fitted, free / 2))
+    found = None if window is None else followed(segments.fit, window, max(free - CLEANING.beside, free / 2))
     return None if found is None else _first_large(*found, free, above)
 
 
@@ -78,7 +78,7 @@ def _first_large(left: Remainder, noise: float, free: float, above: float) -> fl
     t = left.t - left.t[0]
     width = int(np.ceil(CLEANING.hand_times_smooth / max(1.0, float(np.median(numbers)))))
     rms = np.sqrt(np.convolve(squares, np.full(width, 1 / width), mode="same"))
-    known = t <= free - CLEANING.not_fitted
+    known = t <= free - CLEANING.beside
     usual = max(1.0, float(np.sqrt(squares[known].mean())) if known.any() else 1.0)
-    large = np.flatnonzero((rms > above * usual) & (t > max(free - CLEANING.earlier, free / 2)))
+    large = np.flatnonzero((rms > above * usual) & (t > max(free - CLEANING.free, free / 2)))
     return float(t[large[0]]) if len(large) else float(t[-1])

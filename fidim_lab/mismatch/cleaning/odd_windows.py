@@ -15,6 +15,7 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.held_body import followed, left_of
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
@@ -30,9 +31,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
         says = f"Window {window.id}: samples between {t[0]:.2f} and {t[1]:.2f} s, at its edge, are off the motion."
         return Finding(DefectKind.SPIKE, window.id, marker_channel(0, 0), t, 0.0, "m", says)
     step = float(np.median(np.diff(window.t)))
-    near = (window.t > contact.begin - CLEANING.odd_windows_beside) & (
-        window.t < contact.end + CLEANING.odd_windows_beside
-    )
+    near = (window.t > contact.begin - CLEANING.segment) & (window.t < contact.end + CLEANING.segment)
     rows = np.flatnonzero(near)
     before = window.t[rows] < contact.begin
     if before.sum() < 20 or (window.t[rows] > contact.end).sum() < 20:
@@ -102,10 +101,7 @@ def slipped_encoder(found: Fit, window: Window, level: float) -> Finding | None:
     chi2 = np.array([one.chi2_per_dof for one in left])
     best = int(np.argmin(chi2))
     others = np.delete(chi2, best)
-    if (
-        chi2[best] > CLEANING.odd_windows_good * max(1.0, level)
-        or others.min() < CLEANING.odd_windows_good * chi2[best]
-    ):
+    if chi2[best] > SHARED.usual * max(1.0, level) or others.min() < SHARED.usual * chi2[best]:
         return None
     t = (float(window.t[0]), float(window.t[-1]))
     says = (

@@ -22,6 +22,7 @@ from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.residuals.breaks import breaks_of
 from fidim_lab.mismatch.residuals.residual import Leftover
+from fidim_lab.mismatch.thresholds import SHARED
 
 NEVER = (np.inf, np.inf)
 CLOSER = ScoreLimits(4.2, 4.7)
@@ -62,8 +63,8 @@ class _Off:
         return marker_jump(self.window.id, self.marker, by, t, digits=3, sign=sign)
 
 
-def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool = False) -> Cleaned:
-    """Without what is off the motion that a fit of `cleaned.campaign` found; the same object where nothing is.
+def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool = False) -> Cleaned | None:
+    """Without what is off the motion that a fit of `cleaned.campaign` found; None where nothing is.
 
     left: what that fit leaves of windows, or of parts of them that bear their window's id. astray: it does not follow
     them.
@@ -80,7 +81,7 @@ def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool =
             _add(found, one, strict, known, CLEANING.clearer_astray if astray else MARKERS.rivals_clearer)
     found = [one for one in off.values() if one.spikes or one.steps]
     if not found:
-        return cleaned
+        return None
     faults: list[Finding] = []
     for one in found:
         markers = windows[one.window.id].markers.copy()
@@ -120,7 +121,7 @@ class _Known:
                 first[fault.window] = min(fault.t[0], first.get(fault.window, np.inf))
         return _Known(
             frozenset(marker for marker, count in spikes.items() if count >= CLEANING.off_motion_many),
-            {marker: windows for marker, windows in jumps.items() if len(windows) >= CLEANING.off_motion_often},
+            {marker: windows for marker, windows in jumps.items() if len(windows) >= SHARED.repeated},
         )
 
     def expected(self, marker: int, window: str) -> tuple[float, float]:
@@ -131,8 +132,8 @@ class _Known:
         windows = self.jumps.get(marker, {})
         times = np.array(list(windows.values()))
         usual = float(np.median(times)) if len(times) else np.nan
-        often = window not in windows and np.sum(np.abs(times - usual) < CLEANING.off_motion_about) > len(times) / 2
-        return (usual - CLEANING.off_motion_about, usual + CLEANING.off_motion_about) if often else NEVER
+        often = window not in windows and np.sum(np.abs(times - usual) < SHARED.at_once) > len(times) / 2
+        return (usual - SHARED.at_once, usual + SHARED.at_once) if often else NEVER
 
 
 def _add(off: _Off, left: Leftover, limits: ScoreLimits, known: _Known, clearer: float) -> None:
@@ -144,7 +145,7 @@ def _add(off: _Off, left: Leftover, limits: ScoreLimits, known: _Known, clearer:
     spikes = CLOSER if off.marker in known.spiking else None
     jumps = _rows(left, grid, known.expected(off.marker, left.window)) if off.marker in known.jumps else None
     found = breaks_of(grid.spread(values), grid.step, limits, clearer=clearer, spikes=spikes, jumps=jumps)
-    for row in found.spikes if len(found.spikes) < CLEANING.most_off * len(values) else ():
+    for row in found.spikes if len(found.spikes) < SHARED.few * len(values) else ():
         size = float(np.abs(values[np.searchsorted(grid.slots, row)]).max())
         off.spikes[_row(off.window, left, grid, row)] = size * left.noise
     for row, by in found.steps:

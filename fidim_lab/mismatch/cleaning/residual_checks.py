@@ -29,9 +29,9 @@ from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.fit_data import short_fit
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.residual import of_fit
 from fidim_lab.mismatch.residuals.whiteness import whiteness
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
 
@@ -39,50 +39,51 @@ NOT_PREDICTED = HeldOut(chi2=0.0, dof=0, rms=float("nan"), refused={})
 """what a model that not even follows the windows it is fitted to says of others: nothing that would show a fault"""
 
 
-def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) -> Cleaned:
-    """Look again with the first fit of `cleaned.campaign`; the same object where nothing is changed.
+def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) -> Cleaned | None:
+    """Look again with the first fit of `cleaned.campaign`; None where nothing is changed.
 
     Held-out windows are looked at as well: a hand on one of them alone would pass for physics that does not predict.
     """
     found, held = baseline.fit, NOT_PREDICTED if baseline.whole is None else baseline.predicted
     if whiteness((*of_fit(found), *held.leftovers)).is_white and not held.refused:
-        return cleaned
+        return None
     left = (*baseline.as_it_is.leftovers, *held.leftovers)
     astray = not baseline.follows
-    after = without_breaks(cleaned, left, astray=astray)
+    after = without_breaks(cleaned, left, astray=astray) or cleaned
     say("looking for hands and single bad windows")
-    for _ in range(CLEANING.residual_checks_rounds):
+    for _ in range(SHARED.rounds):
         try:
             segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=astray)
         except RefusedError:
             break  # no two seconds hold enough of any marker
         further = without_breaks(after, segments.leftovers, astray=astray)
-        if further is after:
-            further = _cut(after, segments, find_contacts(segments), say)
-        if further is after:
+        further = further or _cut(after, segments, find_contacts(segments), say)
+        if further is None:
             break
         after = further
     if len(after.faults) > len(cleaned.faults):
-        after = _looked_again(after, found)
-    return _without_encoders(after, found, held, say)
+        after = _looked_again(after, found) or after
+    after = _without_encoders(after, found, held, say) or after
+    more = len(after.faults) + len(after.contacts) > len(cleaned.faults) + len(cleaned.contacts)
+    return after if more else None
 
 
-def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned:
+def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned | None:
     """Without what only a fit shows that is not bent by faults any more, most of all in the held-out windows.
 
     Where something else bends it, even over the first seconds, it shows nothing more than the segments did.
     """
     mechanism, identify = found.likelihood.mechanism, cleaned.campaign.of_role(Role.IDENTIFY)
     geometry = found.plausible[BODY:]
-    if short_fit(mechanism, identify, geometry).excess >= FITTING.near:
-        return cleaned
+    if short_fit(mechanism, identify, geometry).excess >= SHARED.near:
+        return None
     again = fit(mechanism, identify, start=found.body, theta_sd=geometry)
     model = Completed((), again, whole=True)
     held = predict(model, cleaned.campaign.of_role(Role.VALIDATE))
     return without_breaks(cleaned, (*model.leftovers, *held.leftovers))
 
 
-def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say: Say) -> Cleaned:
+def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say: Say) -> Cleaned | None:
     """Without these contacts; a sensor that stumbles is a fault, and cut in the same way.
 
     Where the kinematics are contradicted, what is neither far above free motion nor shown to be a stumble stays in.
@@ -107,7 +108,7 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
         jumped = fault is not None and fault.kind is DefectKind.JUMP
         cut.append(replace(contact, end=float(window.t[-1])) if jumped else contact)
     if not cut:
-        return cleaned
+        return None
     return replace(
         cleaned,
         campaign=without(cleaned.campaign, cut),
@@ -134,16 +135,16 @@ def _gone(cleaned: Cleaned, one: Segmented, contact: Contact) -> Finding | None:
     return Finding(DefectKind.JUMP, window.id, marker_channel(0, 0), (contact.begin, end), contact.ratio, "times", says)
 
 
-def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> Cleaned:
+def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> Cleaned | None:
     """A window much worse than the others, made good by leaving one encoder unread."""
     odd = _odd(found, held)
     identify = cleaned.campaign.of_role(Role.IDENTIFY)
     rest = [window for window in identify if window.id not in odd]
-    if not odd or len(odd) > max(1.0, CLEANING.most_odd * len(identify)) or not rest:
-        return cleaned
+    if not odd or len(odd) > max(1.0, SHARED.few * len(identify)) or not rest:
+        return None
     again = fit(found.likelihood.mechanism, rest, start=found.body, theta_sd=found.plausible[BODY:])
     if not whiteness(of_fit(again)).is_white:
-        return cleaned
+        return None
     windows, faults = list(cleaned.campaign.windows), list(cleaned.faults)
     for k, window in enumerate(windows):
         slip = slipped_encoder(again, window, again.excess) if window.id in odd else None
@@ -154,7 +155,7 @@ def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> 
             faults.append(slip)
             say(slip.says)
     if len(faults) == len(cleaned.faults):
-        return cleaned
+        return None
     return replace(cleaned, campaign=replace(cleaned.campaign, windows=tuple(windows)), faults=tuple(faults))
 
 
@@ -162,8 +163,4 @@ def _odd(found: Fit, held: HeldOut) -> set[str]:
     fitted = zip(found.likelihood.recordings, found.remainders, strict=True)
     chi2 = {recording.window.id: left.chi2_per_dof for recording, left in fitted} | held.of_window
     usual = float(np.median(list(chi2.values())))
-    return (
-        {window for window, one in chi2.items() if one > CLEANING.residual_checks_odd * usual}
-        if usual < CLEANING.residual_checks_usual
-        else set()
-    )
+    return {window for window, one in chi2.items() if one > SHARED.usual * usual} if usual < SHARED.noise else set()

@@ -25,6 +25,7 @@ from fidim_lab.mismatch.fitting.holdout import HeldOut, predictions
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.whiteness import whiteness
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) ->
     pairs = len(leftovers) * max((len(pairs_of(one)) for one in parts.values()), default=0)
     if not pairs:
         return ()  # too short for two starts
-    pushed = [_push(id, one, level, CLEANING.restarts_chance / pairs) for id, one in parts.items()]
+    pushed = [_push(id, one, level, SHARED.chance / pairs) for id, one in parts.items()]
     seen = tuple(contact for contact in pushed if contact is not None)
     return seen if len(seen) == len(odd) else ()
 
@@ -70,7 +71,7 @@ def _odd(leftovers: Sequence[Leftover]) -> set[str]:
         return set()
     chances = {one.window: whiteness([one]).p_value for one in leftovers}
     worst = sorted(chances, key=lambda id: chances[id])
-    for few in range(1, max(1, int(CLEANING.restarts_few * len(leftovers))) + 1):
+    for few in range(1, max(1, int(SHARED.few * len(leftovers))) + 1):
         odd = set(worst[:few])
         if whiteness([one for one in leftovers if one.window not in odd]).is_white:
             return odd
@@ -102,7 +103,7 @@ def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear)
     rows = np.column_stack([linear.by_own, linear.residual])
     timed, untimed = rows[: int(seen.sum())], rows[int(seen.sum()) :]
     t = recording.t[use]
-    grid = np.arange(0.0, float(t[-1]) + CLEANING.restarts_step, CLEANING.restarts_step)
+    grid = np.arange(0.0, float(t[-1]) + CLEANING.timed, CLEANING.timed)
     of_sample = np.repeat(t, seen.sum(axis=(1, 2)))
     cell = np.searchsorted(grid, of_sample, side="right") - 1
     cells = [timed[cell == k] for k in range(len(grid))]
@@ -115,7 +116,7 @@ def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear)
 
 def pairs_of(one: Parts) -> Int[np.ndarray, "P 2"]:
     """Places on the grid where a push may begin and end."""
-    first, last = one.t[0] + CLEANING.restarts_apart, one.t[-1] - CLEANING.restarts_apart
+    first, last = one.t[0] + CLEANING.beside, one.t[-1] - CLEANING.beside
     begin, end = np.nonzero(
         (one.t[:, np.newaxis] >= first)
         & (one.t <= last)
@@ -146,17 +147,17 @@ def _push(id: str, one: Parts, level: float, chance: float) -> Contact | None:
     ratio = float(single[best] / double[best])
     return Contact(
         id,
-        round(begin - CLEANING.hand_times_sooner, 2),
-        round(end + CLEANING.hand_times_sooner, 2),
+        round(begin - CLEANING.timed, 2),
+        round(end + CLEANING.timed, 2),
         ratio,
-        CLEANING.hand_times_sooner,
+        CLEANING.timed,
         float(gain.max()),
     )
 
 
 def made_good(chi2: float, free: int) -> bool:
     """Whether χ² with two starts is what noise leaves, or nearly."""
-    return chi2 <= free + CLEANING.restarts_well * np.sqrt(2.0 * free)
+    return chi2 <= free + SHARED.certain * np.sqrt(2.0 * free)
 
 
 def left_outside(one: Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
@@ -182,7 +183,7 @@ def _has_its_moment(times: Float[np.ndarray, "P 2"], whole: Float[np.ndarray, " 
     times: begin and end of each pair, s. whole: χ² with two starts, what is between them being noise.
     """
     (begin, end), at = times[best], times[:, 0]
-    far = (times[:, 0] == times[:, 1]) & ((at <= begin - CLEANING.restarts_away) | (at >= end + CLEANING.restarts_away))
+    far = (times[:, 0] == times[:, 1]) & ((at <= begin - CLEANING.free) | (at >= end + CLEANING.free))
     return not far.any() or whole[far].min() - whole[best] > CLEANING.restarts_much_more
 
 
@@ -200,5 +201,5 @@ def taken(normal: Float[np.ndarray, "P m m"], right: Float[np.ndarray, "P m"]) -
     scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
     values, vectors = np.linalg.eigh(normal * scale[:, :, np.newaxis] * scale[:, np.newaxis])
     along = (np.swapaxes(vectors, 1, 2) @ (right * scale)[..., np.newaxis])[..., 0]
-    seen = values > CLEANING.restarts_unseen * values[:, -1:]
+    seen = values > 1e-11 * values[:, -1:]
     return (np.where(seen, along**2, 0.0) / np.where(seen, values, 1.0)).sum(axis=1)

@@ -26,8 +26,8 @@ from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.say import Say
 
 
-def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = lambda _: None) -> Cleaned:
-    """What stays cut out by the completed model; `audited` itself where all of it does, or where nothing is named.
+def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = lambda _: None) -> Cleaned | None:
+    """What stays cut out by the completed model; None where all of it does, or where nothing is named.
 
     cleaned, audited: before and after audit and search. Windows are predicted whole, only their starts fitted; a cut
     is needless where what is left is white without it.
@@ -35,7 +35,7 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
     before = set(cleaned.faults)
     found = [fault for fault in audited.faults if fault not in before]
     if not model.tried or not (found or audited.contacts):
-        return audited
+        return None
     windows: list[Window] = []
     contacts: list[Contact] = []
     faults: list[Finding] = []
@@ -51,7 +51,7 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
         as_audited = [one for one in audited.campaign.windows if _of(one.id, window.id)]
         windows += as_audited if len(needed) == len(hands) else _cut(cleaned.campaign, window, needed)
     if (len(contacts), len(faults)) == (len(audited.contacts), len(found)):
-        return audited
+        return None
     say("some of what was cut out follows the completed model: it is put back")
     campaign = replace(audited.campaign, windows=tuple(windows))
     return replace(audited, campaign=campaign, contacts=tuple(contacts), faults=(*cleaned.faults, *faults))

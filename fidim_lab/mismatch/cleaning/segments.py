@@ -67,7 +67,7 @@ class Segments:
 
 
 def fit_segments(
-    mechanism: Mechanism, windows: Sequence[Window], length: float = CLEANING.segments_length, *, hasty: bool = False
+    mechanism: Mechanism, windows: Sequence[Window], length: float = CLEANING.segment, *, hasty: bool = False
 ) -> Segments:
     """Fit body and segments' starts; hasty: as `fit`. Raises RefusedError where no segment can be used."""
     cut = _cut(windows, length)
@@ -76,7 +76,7 @@ def fit_segments(
     return Segments(cut.segmented(dict(zip(ids, found.remainders, strict=True))), found)
 
 
-def predict_segments(model: Completed, windows: Sequence[Window], length: float = CLEANING.segments_length) -> Segments:
+def predict_segments(model: Completed, windows: Sequence[Window], length: float = CLEANING.segment) -> Segments:
     """Fit segments' starts alone, by a model with its body and effects: none need be followed for long."""
     cut = _cut(windows, length)
     found = predictions(model.fit, cut.pieces).found

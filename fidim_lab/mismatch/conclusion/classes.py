@@ -10,10 +10,10 @@ from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.mismatch.conclusion.explanation import ClassMember, EffectParameter
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.confounders import imitators
 from fidim_lab.mismatch.selection.general_geometry import rival
 from fidim_lab.mismatch.selection.select import Selection
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 def alike(found: Selection, k: int) -> tuple[ClassMember, ...]:
@@ -24,7 +24,7 @@ def alike(found: Selection, k: int) -> tuple[ClassMember, ...]:
     for id, member in _by_fits(found, k).items():
         if id not in members or member.loss < members[id].loss:
             members[id] = member
-    close = [one for id, one in members.items() if id != named and one.loss < SCORES.enough]
+    close = [one for id, one in members.items() if id != named and one.loss < SHARED.enough]
     return tuple(sorted(close, key=lambda one: (one.loss, one.id)))
 
 

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from fidim_lab.identification.results.result import Geometry
-from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
+
+MOST_ALIKE = 3
+"""effects in `equivalent_to` of the file, by spec/formats.md; the others are in `further_equivalent`"""
 
 
 class Verdict(StrEnum):
@@ -73,7 +76,7 @@ class NamedCause:
     def likely(self) -> tuple[ClassMember, ...]:
         """The fewest members with which it holds 95 % of the weight."""
         held = np.cumsum(self.weights)
-        return tuple(one for one, before in zip(self.members, held, strict=False) if before < CONCLUSION.weight_told)
+        return tuple(one for one, before in zip(self.members, held, strict=False) if before < SHARED.confidence)
 
 
 @dataclass(frozen=True)
@@ -241,8 +244,8 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
     return {
         "id": cause.id,
         "cable": cause.cable,
-        "equivalent_to": list(cause.equivalent_to[: CONCLUSION.most_alike]),
-        "further_equivalent": list(cause.equivalent_to[CONCLUSION.most_alike :]),
+        "equivalent_to": list(cause.equivalent_to[:MOST_ALIKE]),
+        "further_equivalent": list(cause.equivalent_to[MOST_ALIKE:]),
         "parameters": _parameters(cause.parameters),
         "says": cause.says,
         "single": cause.single,

@@ -7,7 +7,10 @@ from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, MismatchPlace, NamedCause, Verdict
-from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
+from fidim_lab.mismatch.thresholds import SHARED
+
+MOST_PLACES = 6
+"""faults that are listed each in a place of its own; the others are counted in the message"""
 
 
 def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
@@ -38,7 +41,7 @@ def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
 def _sensors_alone(cleaned: Cleaned, verdict: Verdict) -> bool:
     """Whether faults of sensors are all that is known to be wrong."""
     if verdict is Verdict.UNKNOWN_PHYSICS:
-        return len(cleaned.faults) >= CONCLUSION.merge_cleaning_repeated and cleaned.screening.contradicts_kinematics
+        return len(cleaned.faults) >= SHARED.repeated and cleaned.screening.contradicts_kinematics
     return bool(cleaned.faults) and verdict is Verdict.NOTHING_MISSING
 
 
@@ -58,7 +61,7 @@ def _places(cleaned: Cleaned) -> tuple[MismatchPlace, ...]:
     faults = sorted(cleaned.faults, key=lambda fault: -fault.size)
     return (
         *contacts,
-        *(_place(fault) for fault in faults[: CONCLUSION.merge_cleaning_places] if fault.window is not None),
+        *(_place(fault) for fault in faults[:MOST_PLACES] if fault.window is not None),
     )
 
 

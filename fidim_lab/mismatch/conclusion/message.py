@@ -8,6 +8,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign
 from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.effects.without_term import UnknownEffect
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.trajectories.stages import HORIZONS
 from fidim_lab.mismatch.conclusion.classes import alike, general_geometry_may_be_it, stands_alone
 from fidim_lab.mismatch.conclusion.explanation import (
     Before,
@@ -19,25 +20,26 @@ from fidim_lab.mismatch.conclusion.explanation import (
     Verdict,
 )
 from fidim_lab.mismatch.conclusion.ranking import ranking
-from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.locate import locate
 from fidim_lab.mismatch.residuals.residual import of_fit
 from fidim_lab.mismatch.scores.alarms import alarm_rate
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
+
+MOST_PLACES = 5
+"""with structure, that are listed"""
 
 
 def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
     """Everything that is answered."""
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
     terms = range(len(named.model.tried))
-    doubtful = general_geometry_may_be_it(found) or any(named.model.size_in_sd(k) < CONCLUSION.sized for k in terms)
+    doubtful = general_geometry_may_be_it(found) or any(named.model.size_in_sd(k) < SHARED.certain for k in terms)
     effects = tuple(_cause(found, named.model, k, doubtful) for k in terms)
     return Explanation(
         campaign=baseline.campaign.name,
@@ -58,7 +60,7 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
 
 def _places(found: Fit) -> tuple[MismatchPlace, ...]:
     """Where the model as it is leaves structure, the largest share first."""
-    places = locate(of_fit(found), CONCLUSION.most_places)
+    places = locate(of_fit(found), MOST_PLACES)
     return tuple(MismatchPlace(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
 
 
@@ -101,10 +103,10 @@ def next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | No
 
 def _limits(baseline: Baseline, found: Selection) -> str:
     """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tried."""
-    said = f" {alarm_rate(found.first.projected, SCORES.enough).says}"
+    said = f" {alarm_rate(found.first.projected, SHARED.enough).says}"
     if baseline.whole is None:
         said += " Without effects the model follows no whole window: "
-        said += f"it was fitted to the first {FITTING.first_seconds:g} s of each."
+        said += f"it was fitted to the first {HORIZONS[2]:g} s of each."
     refused = found.best.held_out.refused
     if refused:
         said += f" Held-out windows without figures: {'; '.join(refused.values())}"
@@ -120,8 +122,8 @@ def best_of_all(found: Selection) -> str:
         return ""
     best = every[0]
     said = f"; the best of {len(every)} hypotheses, {best.label}, has log-evidence {best.log_evidence:.1f}"
-    if best.log_evidence < SCORES.enough:
-        return f"{said} ({SCORES.enough:g} would be needed)"
+    if best.log_evidence < SHARED.enough:
+        return f"{said} ({SHARED.enough:g} would be needed)"
     if not found.baseline.held_out.dof:
         return f"{said} on the fitted windows, but does not explain enough of them"
     return f"{said} on the fitted windows, but held-out windows are predicted no better with it"

@@ -14,10 +14,10 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.verdict import Judged
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.single_force import wrench_beside
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.say import Say
 
@@ -56,7 +56,7 @@ def _says_more(rival: UnknownForce, named: Candidate) -> bool:
     gained = named.model.chi2 * dof / named.model.dof - sum(left.chi2 for left in rival.fit.remainders)
     price = 0.5 * np.log(dof) * (_unknowns(rival.fit) - _unknowns(fitted))
     foretold = named.held_out.chi2 * rival.after.dof / named.held_out.dof - rival.after.chi2
-    return min(0.5 * gained / level - price, 0.5 * foretold / level) > SCORES.enough
+    return min(0.5 * gained / level - price, 0.5 * foretold / level) > SHARED.enough
 
 
 def _unknowns(fit: Fit) -> int:

@@ -5,12 +5,17 @@ from collections.abc import Sequence
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.conclusion.explanation import Ranked
-from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.why_lost import forms, names, why_lost, why_lost_early, why_not_fitted
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.selection.candidates import Candidate, common_scale
 from fidim_lab.mismatch.selection.select import Selection
+
+MOST_LISTED = 8
+"""entries of the ranking that were scored but not fitted"""
+
+MOST_BRIEFLY = 4
+"""entries that were fitted to the first seconds alone"""
 
 
 def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranked, ...]:
@@ -20,14 +25,14 @@ def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranke
     brief: dict[tuple[str, ...], Ranked] = {}
     for model in _best_first(found.passing):
         effects = tuple(_name(h.effect) for h in model.tried)
-        if names(model) not in known and effects not in brief and len(brief) < CONCLUSION.ranking_briefly:
+        if names(model) not in known and effects not in brief and len(brief) < MOST_BRIEFLY:
             brief[effects] = _fitted_briefly(effects, model, found, named, context)
     scored: list[Ranked] = []
     seen: set[object] = set()
     for score in found.first.singles:
         effect = score.tried[0].effect
         listed = (score.tried[0].label,) in known or (_name(effect),) in brief
-        if effect in seen or listed or len(scored) == CONCLUSION.ranking_listed:
+        if effect in seen or listed or len(scored) == MOST_LISTED:
             continue
         seen.add(effect)
         scored.append(_scored(score, found, named, context))

@@ -16,6 +16,7 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.thresholds import SHARED
 
 OFFSET = "time-offset"
 RATE = "clock-rate"
@@ -39,25 +40,25 @@ class Timing:
     @property
     def is_off(self) -> bool:
         """Whether an offset is believed."""
-        return abs(self.offset) > max(CONCLUSION.timing_clear * self.sd, CONCLUSION.timing_smallest)
+        return abs(self.offset) > max(SHARED.certain * self.sd, CONCLUSION.timing_smallest)
 
     @property
     def runs_away(self) -> bool:
         """Whether another rate is believed."""
-        return abs(self.rate) > max(CONCLUSION.timing_clear * self.rate_sd, CONCLUSION.timing_slowest)
+        return abs(self.rate) > max(SHARED.certain * self.rate_sd, CONCLUSION.timing_slowest)
 
 
 def timing(model: Completed) -> Timing | None:
     """By the motor currents of the windows that were fitted; None where there are none, or too few that tell."""
     courses = [course for w in range(len(model.fit.likelihood.recordings)) for course in _courses(model, w)]
-    if len(courses) < CONCLUSION.timing_fewest:
+    if len(courses) < SHARED.fewest:
         return None
     looks = np.arange(
         -CONCLUSION.timing_farthest, CONCLUSION.timing_farthest + CONCLUSION.timing_stride / 2, CONCLUSION.timing_stride
     )
     start = float(looks[np.argmin([sum(course.misfit(look) for course in courses) for look in looks])])
     found, steps, weights = np.array([start, 0.0]), np.zeros((0, 2)), np.zeros((0, 2, 2))
-    for _ in range(CONCLUSION.timing_rounds):
+    for _ in range(SHARED.rounds):
         tries = [course.step(*found.tolist()) for course in courses]
         steps, weights = np.array([step for step, _ in tries]), np.array([weight for _, weight in tries])
         found = found + _mean(steps, weights)
@@ -172,6 +173,6 @@ def _courses(model: Completed, w: int) -> list[_Course]:
     for k in range(window.currents.shape[1]):
         use = inside & np.isfinite(window.currents[:, k])
         values = trajectories.tensions[place, :, k]
-        if use.sum() >= CONCLUSION.timing_samples and np.isfinite(values).all() and np.ptp(window.currents[use, k]) > 0:
+        if use.sum() >= SHARED.samples and np.isfinite(values).all() and np.ptp(window.currents[use, k]) > 0:
             found.append(_Course(t[use], window.currents[use, k], CubicSpline(nodes, values)))
     return found

@@ -7,9 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
+
+MOST_SAMPLES = 600
+"""of the wrench that are kept: fifty of each of twelve windows, enough for pictures"""
+
+DIGITS = 5
+"""significant, of what is drawn"""
 
 
 def unknown_table(found: UnknownForce) -> dict[str, Any]:
@@ -23,7 +28,7 @@ def unknown_table(found: UnknownForce) -> dict[str, Any]:
         "chi2_per_dof": {"before": found.before.chi2_per_dof, "after": found.after.chi2_per_dof},
         "rms_mm": {"before": 1e3 * found.before.rms, "after": 1e3 * found.after.rms},
         "tried": [vars(one) for one in found.tried],
-        "field": None if found.field is None else field_table(found.field.thinned(CONCLUSION.unknown_table_samples)),
+        "field": None if found.field is None else field_table(found.field.thinned(MOST_SAMPLES)),
     }
 
 
@@ -36,5 +41,5 @@ def field_table(field: Field) -> dict[str, Any]:
 def _rounded(values: np.ndarray) -> list[Any]:
     """With a few significant digits of the largest: a file that a person may open."""
     largest = float(np.abs(values).max(initial=0.0))
-    decimals = CONCLUSION.unknown_table_digits - 1 - int(np.floor(np.log10(largest))) if largest > 0 else 0
+    decimals = DIGITS - 1 - int(np.floor(np.log10(largest))) if largest > 0 else 0
     return np.round(values, decimals).tolist()

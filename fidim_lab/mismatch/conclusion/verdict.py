@@ -7,6 +7,7 @@ from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
 
@@ -43,14 +44,14 @@ def _verdict(found: Selection) -> Verdict:
         return Verdict.NOTHING_MISSING if best.is_white else Verdict.UNKNOWN_PHYSICS
     left = best.held_out.chi2_per_dof if best.held_out.dof else best.model.fit.chi2_per_dof
     if best.is_white:
-        if left <= CONCLUSION.all_but_noise * max(1.0, best.model.fit.chi2_per_dof):
+        if left <= SHARED.little * max(1.0, best.model.fit.chi2_per_dof):
             return Verdict.EXPLAINED
         # so loosely determined that its own errors cover what it misses: such a fit has not been tested
         lacked = found.baseline.held_out.chi2_per_dof - 1.0
-        mostly = left - 1.0 <= (1.0 - CONCLUSION.verdict_mostly) * lacked
+        mostly = left - 1.0 <= (1.0 - SHARED.nearly_all) * lacked
         return Verdict.PARTLY_EXPLAINED if mostly else Verdict.UNKNOWN_PHYSICS
     before, after = found.baseline.whiteness.excess, best.whiteness.excess
-    taken = CONCLUSION.verdict_mostly if left <= CONCLUSION.all_but_noise else CONCLUSION.beyond_siblings
+    taken = SHARED.nearly_all if left <= SHARED.little else CONCLUSION.beyond_siblings
     if best.model.at_an_edge:
         return Verdict.UNKNOWN_PHYSICS  # pressed as far as is possible at all, it stands in for something else
     if any(h.effect.of_each_window for h in best.model.tried):

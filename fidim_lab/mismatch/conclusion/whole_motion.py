@@ -26,10 +26,10 @@ from fidim_lab.mismatch.conclusion.explanation import (
 from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
 from fidim_lab.mismatch.conclusion.why_lost import odds_against
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
 from fidim_lab.mismatch.whole_motion.search import SearchOutcome, search
-from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import log_odds, taken
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
@@ -52,7 +52,7 @@ def with_whole_motion(
         say(str(refusal))
         return told
     base, best = outcome.base, outcome.best
-    if not best.size or taken(base, best) < WHOLE_MOTION.half or not _leaves_less(best, told):
+    if not best.size or taken(base, best) < SHARED.half or not _leaves_less(best, told):
         return told
     return _told(told, outcome, campaign)
 
@@ -68,7 +68,7 @@ def _leaves_less(best: WholeModel, told: Explanation) -> bool:
     rms = told.rms_mm.after
     if rms is None or not np.isfinite(rms):
         return True
-    return millimetres(best.held_out) ** 2 <= WHOLE_MOTION.half * rms**2
+    return millimetres(best.held_out) ** 2 <= SHARED.half * rms**2
 
 
 def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Explanation:
@@ -78,7 +78,7 @@ def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Expl
     exact = _exact(outcome)
     geometry = _geometry(outcome, exact, sd)
     # what the file's own survey leaves open is no cause
-    named = robot.survey is None and (is_wrong(best.geometry, robot) or taken(exact, best) > WHOLE_MOTION.takes)
+    named = robot.survey is None and (is_wrong(best.geometry, robot) or taken(exact, best) > SHARED.some)
     if geometry is not None and named:
         effects = (*effects, geometry_cause(geometry))
     explained = best.held_out < ALL_NOISE * robot.sensors.marker_noise

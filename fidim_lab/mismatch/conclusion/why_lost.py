@@ -6,9 +6,9 @@ from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.scores.score import Score, score_together
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate, rank
 from fidim_lab.mismatch.selection.select import Selection
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, percent
 
 MOST_ODDS = 1000.0
@@ -53,7 +53,7 @@ def why_lost_early(rival: Completed, found: Selection, named: Candidate, *, poss
 def why_not_fitted(score: Score, found: Selection, named: Candidate) -> str:
     """Of an effect that was only scored beside the model as it is, and beside the named one."""
     seen = found.first
-    if score.log_evidence < SCORES.enough or seen.rest <= 0:
+    if score.log_evidence < SHARED.enough or seen.rest <= 0:
         return "It explains no more than it would of noise."
     of_all = f"Alone it explains {_percent(score.gain / seen.rest)} of what is missing"
     if not named.model.tried:
@@ -113,7 +113,7 @@ def _beside(score: Score, found: Selection, named: Candidate) -> str:
         return ""
     effect = score.tried[0].effect
     more = [one.log_evidence for one in found.last.singles if one.tried[0].effect == effect]
-    return "; beside that it adds nothing" if more and max(more) < SCORES.enough else ""
+    return "; beside that it adds nothing" if more and max(more) < SHARED.enough else ""
 
 
 def _figures(rival: HeldOut, named: HeldOut) -> str:

@@ -16,9 +16,9 @@ from fidim_lab.identification.survey import Nuisance, prior_sd, stated
 from fidim_lab.mismatch.fitting.fit_data import Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, hypotheses
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.integrate import step_of
@@ -52,7 +52,7 @@ class Baseline:
     @property
     def follows(self) -> bool:
         """Whether whole windows are followed, so that first-order statements about them hold."""
-        return self.whole is not None and self.whole.excess < FITTING.near and not self.whole.journey.lost
+        return self.whole is not None and self.whole.excess < SHARED.near and not self.whole.journey.lost
 
     @property
     def held_out(self) -> tuple[Window, ...]:
@@ -90,7 +90,7 @@ def fit_baseline(
     native: bool,
     say: Say,
     mechanism: Mechanism | None = None,
-    hopeless: float = FITTING.near,
+    hopeless: float = SHARED.near,
     geometry: tuple[Nuisance, ...] | None = None,
     without: frozenset[str] = frozenset(),
 ) -> Baseline:

@@ -17,17 +17,17 @@ from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Poi
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_TRIAL, Effort, optimise
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
-from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, Journey, grow
+from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, HORIZONS, Journey, grow
 from fidim_lab.mismatch.fitting.sprung import AT_LAST, begins_anew, bounded, carried_on, grown, likelihood_with
-from fidim_lab.mismatch.fitting.thresholds import FITTING
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
 from fidim_lab.model.slots import Effect
 
-IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, crawl=FITTING.crawl)
+IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, crawl=SHARED.crawl)
 """a short look at one of many models"""
-IN_FULL = replace(ON_TRIAL, creep=0.1, crawl=FITTING.crawl, idle=0.3)
+IN_FULL = replace(ON_TRIAL, creep=0.1, crawl=SHARED.crawl, idle=0.3)
 """whole windows for the first time: what gets nowhere is given up"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""
@@ -67,7 +67,7 @@ def short_fit(mechanism: Mechanism, windows: Sequence[Window], theta_sd: np.ndar
 
     theta_sd: of the geometry that the mechanism leaves open. Raises RefusedError where no window can be fitted at all.
     """
-    shorter = [shortened(window, FITTING.first_seconds) for window in windows]
+    shorter = [shortened(window, HORIZONS[2]) for window in windows]
     found = fit(mechanism, shorter, theta_sd=theta_sd)
     return replace(found, prior=Prior(found.prior.mean, found.plausible, firm=BODY))
 
@@ -100,7 +100,7 @@ def settle(
     """
     prior = bounded(prior, mechanism)
     if begins_anew(mechanism, donor):
-        if donor.excess < FITTING.near and _is_whole(ground, donor):
+        if donor.excess < SHARED.near and _is_whole(ground, donor):
             found = carried_on(ground.likelihood, donor, mechanism, start, prior, free)
         else:
             found = grown(ground.likelihood, donor, mechanism, prior, free)
@@ -108,11 +108,9 @@ def settle(
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
         nearby = prior.loosened(1 / FAR_PRIOR)
-        in_full = replace(IN_FULL, hopeless=FITTING.hopeless * donor.noise_ratio**2)
+        in_full = replace(IN_FULL, hopeless=SHARED.hopeless * donor.noise_ratio**2)
         last = replace(AT_LAST if mechanism.springs else in_full, wanted=wanted)
-        journey = grow(
-            likelihood, start, nearby, free, FITTING.fit_data_horizons, last, once=donor.excess >= FITTING.near
-        )
+        journey = grow(likelihood, start, nearby, free, HORIZONS[2:], last, once=donor.excess >= SHARED.near)
     else:
         effort = replace(BESIDE if ground.whole else IN_PASSING, wanted=wanted)
         ends = np.minimum(donor.journey.ends, [recording.end for recording in likelihood.recordings])

@@ -7,6 +7,7 @@ import numpy as np
 
 from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.starts.start import Guess
@@ -16,7 +17,6 @@ from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY, optim
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.trajectories.stages import grow
 from fidim_lab.mismatch.fitting.sprung import guesses_of
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.model.sensitivity.grid import QUICK
 
 
@@ -39,7 +39,7 @@ def left_of(found: Fit, windows: Sequence[Window]) -> tuple[Remainder, ...] | No
     if prepared is None:
         return None
     likelihood, start, prior, held = prepared
-    journey = grow(likelihood, start, prior, held, FITTING.held_body_horizons)
+    journey = grow(likelihood, start, prior, held, held_out.HORIZONS)
     if journey is None:
         return None
     return tuple(remainder(likelihood, journey.optimum.simulation, w) for w in range(len(windows)))

@@ -7,15 +7,16 @@ import numpy as np
 
 from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import HeldOutPrediction, predict_all
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.mismatch.fitting.beyond_errors import beyond_errors
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.fitting.sprung import guesses_of
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.mismatch.residuals.whiteness import whiteness
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.equations import BODY
 
 
@@ -85,10 +86,7 @@ def predictions(fit: Fit, windows: Sequence[Window]) -> Predicted:
         window = recording.window
         if isinstance(prediction, RefusedError):
             refused[window.id] = str(prediction)
-        elif (
-            prediction.lost
-            and float(prediction.remainder.t[-1] - prediction.remainder.t[0]) < FITTING.holdout_not_found
-        ):
+        elif prediction.lost and float(prediction.remainder.t[-1] - prediction.remainder.t[0]) < held_out.HORIZONS[0]:
             refused[window.id] = f"Window {window.id}: no start was found from which its first motion follows."
         else:
             found.append((window, prediction))
@@ -100,7 +98,7 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     likelihood, predicted = completed.fit.likelihood, predictions(completed.fit, windows)
     figures = predicted.figures
     leftovers = [of_remainder(window.id, one.remainder, likelihood) for window, one in predicted.found]
-    followed = figures.chi2 < FITTING.near * figures.dof and not any(one.lost for _, one in predicted.found)
+    followed = figures.chi2 < SHARED.near * figures.dof and not any(one.lost for _, one in predicted.found)
     if followed and not whiteness(leftovers).is_white:
         free = np.ones(len(completed.fit.values), dtype=bool)
         free[BODY : BODY + len(completed.at_bound)] = ~np.array(completed.at_bound, dtype=bool)

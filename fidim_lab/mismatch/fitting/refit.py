@@ -13,11 +13,10 @@ from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.mismatch.fitting.fit_data import Ground, settle
 from fidim_lab.mismatch.fitting.sprung import are_stiff, begins_anew, stiffest
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
-from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.mismatch.residuals.whiteness import whiteness
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import extra_count
 from fidim_lab.model.sensitivity.equations import BODY, sprung
@@ -126,7 +125,7 @@ class Completed:
         ours = slice(BODY, BODY + len(wide))
         told = self.fit.covariance[ours, ours] * scale / np.outer(wide, wide)
         shares = np.linalg.eigvalsh(told) if np.isfinite(told).all() else np.ones(1)
-        return float(-0.5 * np.log(np.clip(shares, FITTING.refit_tiny, 1.0)).sum()) + sum(h.choice for h in self.tried)
+        return float(-0.5 * np.log(np.clip(shares, 1e-300, 1.0)).sum()) + sum(h.choice for h in self.tried)
 
 
 def evidence(model: Completed, than: Completed, scale: float) -> float:
@@ -182,7 +181,7 @@ def refit(
     if phases is not None and len(phases) == len(states.positions):
         others = np.zeros((len(phases), extra_count(mechanism) - 1)) if states.astray is None else states.astray
         states = replace(states, astray=np.column_stack([others, phases]))
-    for _ in range(FITTING.refit_rounds):
+    for _ in range(SHARED.rounds):
         start = Point(shared, tied(mechanism, shared, states, ground.likelihood.begins))
         found = settle(ground, donor, mechanism, start, prior, free, wanted)
         if found is None:
@@ -247,4 +246,4 @@ def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, 
 def prior_of(tried: Sequence[Hypothesis]) -> Float[np.ndarray, " theta"]:
     """Standard deviations of all θ of some terms before any data."""
     scales = [parameter.scale for h in tried for parameter in h.effect.parameters]
-    return LINEARISED.hypotheses_broad * np.array(scales, dtype=float)
+    return SHARED.wide * np.array(scales, dtype=float)

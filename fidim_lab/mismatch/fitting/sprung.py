@@ -28,15 +28,22 @@ from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY, ROUGH, Effort, optimise
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, HORIZONS, Journey, grow
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.residual import Leftover
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.integrate import RINGING
 from fidim_lab.model.sensitivity.starts import quiet_springs, tied
 
-AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6, creep=0.1, crawl=FITTING.crawl)
+STIFF = 300.0
+"""rad/s, of the fastest oscillation on the springs: from here on they are quiet, at no higher price however
+stiff"""
+
+STIFFEST = 1e-7
+"""m/N, and 1/N for a cable of a metre: a cable stiffer than that is fitted as rigid"""
+
+AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6, creep=0.1, crawl=SHARED.crawl)
 """a third of a standard deviation: nearer, fast oscillations that no sample shows bend the sum of squares"""
 
 
@@ -66,8 +73,7 @@ def are_stiff(mechanism: Mechanism, donor: Fit) -> bool:
     shared = np.concatenate([donor.values[:BODY], np.maximum(mechanism.theta, low)])
     states = replace(donor.journey.optimum.point.states, tensions=None)
     return (
-        donor.excess < FITTING.near
-        and quiet_springs(mechanism, shared, states, donor.likelihood.begins).fastest > FITTING.stiff
+        donor.excess < SHARED.near and quiet_springs(mechanism, shared, states, donor.likelihood.begins).fastest > STIFF
     )
 
 
@@ -93,7 +99,7 @@ def carried_on(
     made = likelihood_with(likelihood, mechanism, start.shared)
     ends, point = donor.journey.ends, start
     nearby = prior.loosened(1 / FAR_PRIOR) if ends.max() > HORIZONS[2] + 1e-9 else prior
-    for horizon in FITTING.sprung_on:
+    for horizon in HORIZONS[1:3]:
         if horizon < ends.max():
             found = optimise(made, point, np.minimum(ends, horizon), nearby, ON_THE_WAY, free)
             point = point if found is None else found.point
@@ -144,7 +150,7 @@ def stiffest(mechanism: Mechanism) -> np.ndarray:
     low = [np.full(len(e.parameters), -np.inf) for e in mechanism.effects]
     for effect, part in zip(mechanism.effects, low, strict=True):
         if stretches(effect):
-            part[:1], part[1:] = FITTING.stiffest, 0.0  # a damping below 0, which the first second may like, blows up
+            part[:1], part[1:] = STIFFEST, 0.0  # a damping below 0, which the first second may like, blows up
     return np.concatenate([np.zeros(0), *low])
 
 

@@ -18,7 +18,10 @@ from fidim_lab.effects.dissipation.swivel_friction import SwivelFrictionGivingWa
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.errors import SetupError
-from fidim_lab.mismatch.linearised.thresholds import LINEARISED
+from fidim_lab.mismatch.thresholds import SHARED
+
+MOST_SCANNED = 20
+"""scan points of one effect"""
 
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")
 """found by other means: screening, what is left at the end, motor currents"""
@@ -125,7 +128,7 @@ def general(simple: Hypothesis, effect: NamedEffect, start: np.ndarray) -> Hypot
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
     absent = start.copy()
     absent[list(scored)] = 0.0
-    prior = np.array([LINEARISED.hypotheses_broad * effect.parameters[k].scale for k in scored])
+    prior = np.array([SHARED.wide * effect.parameters[k].scale for k in scored])
     return Hypothesis(effect, absent, scored, prior, simple.alike)
 
 
@@ -137,12 +140,12 @@ def rides(tried: Hypothesis) -> bool:
 def _can_be_scored(effect: NamedEffect) -> bool:
     """A hose with a rest length has too many scan points; states of their own are known for what merely rides along."""
     known = not effect.extra_states or isinstance(effect, RIDING)
-    return known and effect.id not in PERIODIC and len(effect.scan_points) <= LINEARISED.most_scanned
+    return known and effect.id not in PERIODIC and len(effect.scan_points) <= MOST_SCANNED
 
 
 def _at_scan_points(effect: NamedEffect, alike: int) -> Iterable[Hypothesis]:
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
-    prior = np.array([LINEARISED.hypotheses_broad * effect.parameters[k].scale for k in scored])
+    prior = np.array([SHARED.wide * effect.parameters[k].scale for k in scored])
     return [Hypothesis(effect, point, scored, prior, alike) for point in effect.scan_points]
 
 

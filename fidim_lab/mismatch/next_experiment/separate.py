@@ -25,7 +25,7 @@ from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hyp
 from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, ProposedTrial
 from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 from fidim_lab.mismatch.scores.score import eliminated, imitated, window_grams
-from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import Resolution
@@ -104,7 +104,7 @@ def completed(known: KnownRobot, claim: Claim) -> Claim:
     judge = _Judge(tried, _theta(tried, claim), Context.of(known.robot))
     further = (id for id in judge.rivals if id not in claim.rivals)
     return replace(
-        claim, open=tuple(id for id in further if judge.odds(gram, (id,)).non_centrality < 2 * SCORES.enough)
+        claim, open=tuple(id for id in further if judge.odds(gram, (id,)).non_centrality < 2 * SHARED.enough)
     )
 
 
@@ -155,7 +155,7 @@ class _Judge:
                 _, taken = imitated(rest[at, at], rest[at, :own] @ self.theta, *self._possible(rival))
                 found.append((max(0.0, whole - taken), rival.effect.id))
         least, id = min(found)
-        probability = float(ncx2.sf(2 * SCORES.enough, df=own, nc=least)) if least > 0 else 0.0
+        probability = float(ncx2.sf(2 * SHARED.enough, df=own, nc=least)) if least > 0 else 0.0
         return Odds(id, least, probability)
 
     def _possible(self, rival: Hypothesis) -> tuple[np.ndarray, np.ndarray]:

@@ -13,10 +13,12 @@ from scipy.special import logsumexp
 
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.cleaning.free_motion import whole_id
+from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.readings.influence import AXES, Influence, influence
 from fidim_lab.mismatch.readings.kinds import CONSTANT, ReadingKind, reading_kinds
 from fidim_lab.mismatch.readings.thresholds import READINGS
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,7 @@ def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErro
     search = _Search(seen, order, reading_kinds(seen.cables, order), sizes)
     temper = seen.temper(np.zeros(len(seen.gradient)))
     chosen: tuple[ReadingError, ...] = ()
-    for _ in range(READINGS.settling):
+    for _ in range(SHARED.rounds):
         chosen = search.chosen(temper, enough)
         temper = seen.temper(search.likeliest(chosen, temper))
     errors = tuple(one for one in search.sized(chosen, temper) if one.kind.id != CONSTANT)
@@ -104,12 +106,12 @@ class _Search:
     def chosen(self, temper: float, enough: float) -> tuple[ReadingError, ...]:
         """One kind after the other, as long as each is evident enough beside those before."""
         chosen: tuple[ReadingError, ...] = ()
-        while len(chosen) < READINGS.most:
+        while len(chosen) < SHARED.most_terms:
             weighed = self._weighed(chosen, temper)
             best = weighed[0]
             if best.nats < enough:
                 break
-            near = tuple(one.kind for one in weighed[1:] if best.nats - one.nats < READINGS.odds)
+            near = tuple(one.kind for one in weighed[1:] if best.nats - one.nats < ODDS)
             chosen = (*chosen, replace(best, rivals=near))
         return chosen
 

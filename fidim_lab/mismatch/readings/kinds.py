@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.mismatch.readings.influence import AXES, Influence
-from fidim_lab.mismatch.readings.thresholds import READINGS
+from fidim_lab.mismatch.thresholds import SHARED
 
 DRIFT = "length-drift"
 STEP = "length-step"
@@ -72,7 +72,7 @@ def reading_kinds(cables: int, order: Sequence[str]) -> tuple[tuple[ReadingKind,
         (_course(CONSTANT, None, lengths, np.ones(len(order)), own),),
         (_course(CONSTANT, None, shifts, np.ones(len(order)), axes),),
     ]
-    if len(order) < READINGS.fewest:
+    if len(order) < SHARED.fewest:
         return tuple(groups)
     course = np.linspace(0.0, 1.0, len(order))
     groups += [

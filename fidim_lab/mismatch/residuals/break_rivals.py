@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 class Break(Enum):
@@ -77,7 +78,7 @@ def judge(
     scatter = float(np.median(np.abs(left[best.kept]))) / MARKERS.neighbours_mad
     faint = best.what is Break.STEP and not jumps and float(np.linalg.norm(size)) < RESIDUALS.break_rivals_faint
     needed = 0.0 if spiking and best.what is Break.SPIKES else clearer
-    if cost + needed > innocent or scatter > RESIDUALS.break_rivals_fits or faint:
+    if cost + needed > innocent or scatter > SHARED.noise or faint:
         return JudgedBreak(Break.NONE)
     return JudgedBreak(best.what, best.rows, size if best.what is Break.STEP else None)
 
@@ -90,7 +91,7 @@ def _beside(values: Float[np.ndarray, "G 3"], step: float, row: int, reach: floa
     before, after = seen[max(0, at - most) : at], seen[at : at + most]
     before = before[(before[-1:] - before) * step <= RESIDUALS.break_rivals_farthest]
     after = after[(after - after[:1]) * step <= RESIDUALS.break_rivals_farthest]
-    return None if len(before) + len(after) < 2 * RESIDUALS.break_rivals_enough else np.concatenate([before, after])
+    return None if len(before) + len(after) < 2 * RESIDUALS.breaks_fewest else np.concatenate([before, after])
 
 
 def _cost(rival: _Rival, piece: Float[np.ndarray, "S 3"]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -115,7 +116,7 @@ def _rivals(rows: np.ndarray, time: np.ndarray, row: int) -> list[_Rival]:
         for k in range(at - RESIDUALS.break_rivals_near_bad, at + RESIDUALS.break_rivals_near_bad + 1)
         if 0 <= k < len(rows)
     ]
-    sides = min(at, len(rows) - at) >= RESIDUALS.break_rivals_enough
+    sides = min(at, len(rows) - at) >= RESIDUALS.breaks_fewest
     for degree in RESIDUALS.break_rivals_degrees:
         smooth = basis[:, : degree + 1]
         found += _lasting(rows, time, smooth, at) if sides else []

@@ -19,6 +19,7 @@ from fidim_lab.identification.markers.neighbours import noise_of
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.break_rivals import Break, judge
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
+from fidim_lab.mismatch.thresholds import SHARED
 
 NOWHERE = slice(0, 0)
 
@@ -109,9 +110,7 @@ class _Scan:
     def calm(self, around: int) -> Bool[np.ndarray, " G"]:
         """Where the neighbours follow their polynomials."""
         size = (
-            np.concatenate(
-                [np.abs(self.spike) / RESIDUALS.breaks_calm, np.abs(self.step) / RESIDUALS.breaks_level], axis=1
-            )
+            np.concatenate([np.abs(self.spike) / SHARED.noise, np.abs(self.step) / RESIDUALS.breaks_level], axis=1)
             / MARKERS.neighbours_mad
         )
         rows = np.flatnonzero(np.isfinite(size).all(axis=1))

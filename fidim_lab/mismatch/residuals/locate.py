@@ -16,6 +16,7 @@ from fidim_lab.arrays import runs
 from fidim_lab.identification.markers.finding import marker_channel
 from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ def locate(leftovers: Sequence[Leftover], most: int = 12) -> tuple[Where, ...]:
     total = sum(excess.values())
     found: list[Where] = []
     for one in usable:
-        busy = _busy(one, RESIDUALS.locate_chance / len(usable))
-        whole = chdtrc(max(1, one.count - one.own), one.chi2) < RESIDUALS.locate_chance / len(usable)
+        busy = _busy(one, SHARED.chance / len(usable))
+        whole = chdtrc(max(1, one.count - one.own), one.chi2) < SHARED.chance / len(usable)
         if busy is None and not whole:
             continue
         found.append(_where(one, busy or (0, len(one.t)), total))

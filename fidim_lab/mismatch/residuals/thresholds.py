@@ -13,14 +13,13 @@ class ResidualThresholds:
     """s on either side; of a marker that is known to jump"""
     break_rivals_fewest: int = 12
     break_rivals_most: int = 60
-    """samples on either side, at least if so many lie within `FARTHEST`, and at most"""
+    """samples on either side, at least if so many lie within `break_rivals_farthest`, and at most"""
     break_rivals_farthest: float = 0.8
     """s"""
-    break_rivals_enough: int = 8
-    """samples on either side, without which a place at an end can only be a sample that is off"""
     break_rivals_degrees: tuple[int, ...] = (2, 4, 6)
-    """of the polynomial beside a kink, a step or bad samples; motion alone may turn more sharply"""
+    """of the polynomial beside a kink, a step or bad samples"""
     break_rivals_sharper: tuple[int, int] = (8, 10)
+    """of motion alone, which may turn more sharply"""
     near: int = 2
     break_rivals_near_bad: int = 5
     """samples by which a step may be elsewhere; among which further samples may be off"""
@@ -28,15 +27,12 @@ class ResidualThresholds:
     """samples, within which a body may have moved quickly, instead of a step between two"""
     break_rivals_faint: float = 4.0
     """standard deviations: missing physics in quick motion looks like steps of three"""
-    break_rivals_fits: float = 1.25
-    """times the noise that the samples beside a fault may scatter, robustly"""
 
     # breaks
     breaks_scales: tuple[tuple[float, int], ...] = ((0.5, 4), (0.5, 6), (0.25, 4), (0.25, 6), (0.12, 4))
     """s on either side, and degree of the polynomial: the more telling first"""
     breaks_fewest: int = 8
     """samples on either side, whatever the rate"""
-    breaks_calm: float = 1.25
     breaks_level: float = 2.0
     """times the noise: scatter of samples about their neighbours, and of steps from place to place, up to which samples
     follow a polynomial"""
@@ -54,8 +50,6 @@ class ResidualThresholds:
     # locate
     locate_segment: float = 0.5
     """s over which energy is summed up"""
-    locate_chance: float = 1e-4
-    """per campaign, that a segment or window of noise stands out"""
     locate_worth: float = 0.5
     """of the correlation, from which a companion is named"""
     locate_finer: int = 4
@@ -65,15 +59,11 @@ class ResidualThresholds:
 
     # whiteness
     whiteness_edges: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, 6.0, 10.0)
-    """Hz, of the bands"""
-    whiteness_reference: float = 10.0
-    """Hz"""
-    whiteness_kinds: int = 3
-    """families of tests: bands over all windows, bands of each window, lines"""
+    """Hz, of the bands; above the last one is noise alone"""
     whiteness_white: float = 1e-3
     """p-value from which on a remainder is called white"""
     fewest_reference: int = 100
-    """degrees of freedom above `REFERENCE`; with fewer the declared noise is believed"""
+    """degrees of freedom above the last edge; with fewer the declared noise is believed"""
 
 
 RESIDUALS = ResidualThresholds()

@@ -91,7 +91,7 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
     ids = [one.window for one in leftovers if one.count > 0 and len(one.t) > 3]
     if not spectra:
         return Whiteness(
-            1.0, 1.0, (0.0, RESIDUALS.whiteness_reference), None, 0.0, 1.0, "There is no residual to test."
+            1.0, 1.0, (0.0, RESIDUALS.whiteness_edges[-1]), None, 0.0, 1.0, "There is no residual to test."
         )
     level, reference = _noise_level(spectra)
     found = np.array([[_band(s, low, high) for low, high in _bands()] for s in spectra])  # W, B, (χ², dof)
@@ -102,7 +102,7 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
         (*_line(spectra, level), "lines"),
     ]
     p, place, kind = min(tests, key=lambda test: test[0])
-    p = min(1.0, RESIDUALS.whiteness_kinds * p)
+    p = min(1.0, len(tests) * p)
     bands = _bands()
     window: str | None = None
     if kind == "bands":
@@ -127,7 +127,7 @@ def _band(found: Spectrum, low: float, high: float) -> tuple[float, float]:
 
 def _noise_level(spectra: list[Spectrum]) -> tuple[float, float]:
     """Variance of the noise above `whiteness_reference` and its degrees of freedom (infinite where it is believed)."""
-    parts = np.array([_band(s, RESIDUALS.whiteness_reference, np.inf) for s in spectra]).sum(axis=0)
+    parts = np.array([_band(s, RESIDUALS.whiteness_edges[-1], np.inf) for s in spectra]).sum(axis=0)
     if parts[1] < RESIDUALS.fewest_reference:
         return 1.0, np.inf
     return float(parts[0] / parts[1]), float(parts[1])
@@ -154,7 +154,7 @@ def _line(spectra: list[Spectrum], level: float) -> tuple[float, int]:
     heights, places, lines = [], [], 0
     for s in spectra:
         usual = s.dof > 0.5 * np.median(s.dof)
-        height = np.where(usual & (s.frequencies < RESIDUALS.whiteness_reference)[:, np.newaxis], s.chi2, 0.0)
+        height = np.where(usual & (s.frequencies < RESIDUALS.whiteness_edges[-1])[:, np.newaxis], s.chi2, 0.0)
         height[0] = 0.0
         places.append(int(np.argmax(height)))
         heights.append(float(height.max()))
@@ -182,5 +182,5 @@ def _words(p: float, ratio: float, band: tuple[float, float], window: str | None
         return f"What is left is consistent with white noise (its most unusual band: p = {p:.2g})."
     return (
         f"What is left is not white: between {band[0]:.2g} and {band[1]:.2g} Hz in {where} it has {plain(ratio)} "
-        f"times the noise (chance {p:.1g}); χ² is {excess:.0f} too large below {RESIDUALS.whiteness_reference:g} Hz."
+        f"times the noise (chance {p:.1g}); χ² is {excess:.0f} too large below {RESIDUALS.whiteness_edges[-1]:g} Hz."
     )

@@ -12,11 +12,12 @@ from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.whiteness import spectrum
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 def likely_frequencies(leftovers: Sequence[Leftover], scan: Sequence[float]) -> frozenset[float]:
     """Where the residuals of all windows are largest: an unmodelled steady tone shows at its own frequency."""
-    spectra = [spectrum(one) for one in leftovers if len(one.t) > SCORES.frequencies_few]
+    spectra = [spectrum(one) for one in leftovers if len(one.t) > SHARED.samples]
     if not spectra or len(scan) <= SCORES.frequencies_loudest:
         return frozenset(scan)
     width = max(s.frequencies[1] for s in spectra)

@@ -21,7 +21,6 @@ from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Sim
 from fidim_lab.mismatch.linearised.columns import ResidualColumns, Scorer
 from fidim_lab.mismatch.linearised.columns_sprung import SprungScorer
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
-from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.model.side_by_side import side_by_side
 
@@ -152,8 +151,8 @@ def _reduced_gram(compute: Callable[[], ResidualColumns], steady: int) -> tuple[
     index = np.concatenate([np.arange(first), [len(gram) - 1]])
     gram[index] = left.T @ rest
     gram[first:-1, index] = gram[index, first:-1].T
-    for k in range(0, right.shape[1], LINEARISED.periodic_size):
-        own = slice(first + k, first + k + LINEARISED.periodic_size)
+    for k in range(0, right.shape[1], 2 * 3):
+        own = slice(first + k, first + k + 2 * 3)
         gram[own, own] = rest[:, own].T @ rest[:, own]
     return gram, len(rest)
 
@@ -190,7 +189,7 @@ def _hope(found: Projected, members: tuple[int, ...]) -> float:
 
 def eliminated(gram: np.ndarray, outside: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """The Gram matrix of some columns (indices `inside`) with others (`outside`) adjusted to each of them."""
-    scale = np.sqrt(np.maximum(np.diag(gram)[outside], SCORES.score_tiny))
+    scale = np.sqrt(np.maximum(np.diag(gram)[outside], 1e-12))
     inner = gram[np.ix_(outside, outside)] / np.outer(scale, scale) + 1e-13 * np.eye(len(outside))
     cross = gram[np.ix_(outside, inside)] / scale[:, np.newaxis]
     return gram[np.ix_(inside, inside)] - cross.T @ np.linalg.solve(inner, cross)
@@ -224,7 +223,7 @@ def score_together(found: Projected, members: tuple[int, ...], context: Context)
     cost, prior = freedom(found, members)
     surprise = 0.5 * float(((theta / prior) ** 2).sum())
     evidence = 0.5 * gain / found.inflation - cost - surprise
-    return Score(tried, tuple(parts), gain, evidence, gain / max(found.left - found.dof, SCORES.score_tiny))
+    return Score(tried, tuple(parts), gain, evidence, gain / max(found.left - found.dof, 1e-12))
 
 
 def freedom(found: Projected, members: tuple[int, ...]) -> tuple[float, np.ndarray]:
@@ -256,7 +255,7 @@ def _best(found: Projected, members: tuple[int, ...], context: Context | None) -
 
 
 def _solve(curvature: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    scale = np.sqrt(np.maximum(np.diag(curvature), SCORES.score_tiny))
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
     return np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0] / scale
 
 
@@ -266,7 +265,7 @@ def imitated(curvature: np.ndarray, cross: np.ndarray, low: np.ndarray, high: np
     curvature: of the effect (Q, Q); cross: its curvature with the other, times the other's θ.
     """
     if len(cross) == 1:  # most are; the general way takes milliseconds
-        best = np.clip(cross / np.maximum(np.diag(curvature), SCORES.score_tiny), low, high)
+        best = np.clip(cross / np.maximum(np.diag(curvature), 1e-12), low, high)
     else:
         best = bounded(curvature, cross, low, high)
     return best, float(2 * cross @ best - best @ curvature @ best)
@@ -277,10 +276,10 @@ def bounded(curvature: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: 
     theta = _solve(curvature, gradient)
     if (theta >= low).all() and (theta <= high).all():
         return theta
-    high = np.maximum(high, low + SCORES.score_tiny)  # no room at all, where no tension makes any friction possible
-    scale = np.sqrt(np.maximum(np.diag(curvature), SCORES.score_tiny))
+    high = np.maximum(high, low + 1e-12)  # no room at all, where no tension makes any friction possible
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
     values, vectors = np.linalg.eigh(curvature / np.outer(scale, scale))
-    root = np.sqrt(np.maximum(values, SCORES.score_tiny))
+    root = np.sqrt(np.maximum(values, 1e-12))
     matrix = root[:, np.newaxis] * vectors.T
     right = (vectors.T @ (gradient / scale)) / root
     return lsq_linear(matrix, right, bounds=(low * scale, high * scale)).x / scale

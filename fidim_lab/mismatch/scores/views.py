@@ -9,9 +9,9 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.trajectories.stages import HORIZONS
 from fidim_lab.mismatch.fitting.fit_data import nearer
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.columns import frequency_of
 from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypotheses, Hypothesis
@@ -26,6 +26,7 @@ from fidim_lab.mismatch.scores.score import (
     window_grams,
 )
 from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +69,8 @@ class View:
         singles = self._singles(room)
         pairs: list[Score] = []
         if room > 1 and singles:
-            least = singles[0].log_evidence + SCORES.enough
-            pairs = list(_varied([pair for pair in self.pairs if pair.log_evidence > least]))[: SCORES.views_pairs]
+            least = singles[0].log_evidence + SHARED.enough
+            pairs = list(_varied([pair for pair in self.pairs if pair.log_evidence > least]))[: SHARED.leaders]
         return (*self._near(singles, 0.0), *self._near(pairs, singles[0].gain if singles else 0.0))
 
     def _singles(self, room: int) -> list[Score]:
@@ -78,33 +79,33 @@ class View:
         inside = {h.effect.id for h in self.model.tried if h.effect.id in PERIODIC}
         for score in self.singles:
             allowed = room > 0 or score.tried[0].effect.id in inside
-            if allowed and score.log_evidence > SCORES.enough:
+            if allowed and score.log_evidence > SHARED.enough:
                 chosen.setdefault(score.tried[0].effect, score)
         if not self.races:
-            return list(chosen.values())[: SCORES.views_singles]
+            return list(chosen.values())[: SHARED.leaders]
         counts = Counter[str]()
         varied: list[Score] = []
         for score in chosen.values():
             id = score.tried[0].effect.id
             counts[id] += 1
-            varied += [score] if counts[id] <= SCORES.of_one_kind else []
-        return [score for k, score in enumerate(varied) if k < SCORES.views_racing or score.tried[0].has_scan]
+            varied += [score] if counts[id] <= SHARED.runners_up else []
+        return [score for k, score in enumerate(varied) if k < SHARED.shortlist or score.tried[0].has_scan]
 
     def _near(self, scores: Sequence[Score], less: float) -> tuple[Score, ...]:
         """Those that come near the first; `less`: χ² that fewer terms take."""
         if not scores:
             return ()
         best = scores[0].log_evidence
-        if self.model.excess >= FITTING.near:
-            least = best * (SCORES.racing_nearly if self.races else SCORES.views_nearly)
+        if self.model.excess >= SHARED.near:
+            least = best * (SHARED.nearly if self.races else SHARED.half)
             return tuple(score for score in scores if score.log_evidence >= least)
-        least = best - SCORES.views_tie - SCORES.slight * best
+        least = best - SCORES.views_tie - SHARED.slight * best
         return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score, less))
 
     def _takes_enough(self, score: Score, less: float) -> bool:
         """Whether noise alone would be left, or at least a good part of what fewer terms leave would be gone."""
         noise = 4 * self.model.fit.noise_ratio**2 * float(np.sqrt(2 * self.projected.dof))
-        return score.gain - less > SCORES.feeble * (self.rest - less) or self.rest - score.gain < noise
+        return score.gain - less > SHARED.some * (self.rest - less) or self.rest - score.gain < noise
 
 
 def view(model: Completed, tried: Hypotheses, context: Context) -> View:
@@ -113,7 +114,7 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     seconds = float(found.journey.ends.max())
     # in a few seconds a tone at any phase passes for much of what other effects leave, but not for nearly all of it
     anyhow = not model.tried or (model.whole and found is model.fit)
-    heard = _ANYHOW if anyhow else _Heard(SCORES.nearly_all_by_a_tone, SCORES.views_periods / seconds)
+    heard = _ANYHOW if anyhow else _Heard(SHARED.nearly_all, SCORES.views_periods / seconds)
     return _seen(model, found, _without(tried, model.tried), context, heard)
 
 
@@ -146,7 +147,7 @@ def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, hear
     likely = likely_frequencies(leftovers, scan)
     left = replace(left, periodic=tuple(h for h in left.periodic if frequency_of(h) in likely))
     seen, singles = _scored(model, found, left, context, heard)
-    least = max(SCORES.enough, SCORES.views_nearly * singles[0].log_evidence) if singles else SCORES.enough
+    least = max(SHARED.enough, SHARED.half * singles[0].log_evidence) if singles else SHARED.enough
     evident = [one for one in singles if one.tried[0].effect.id in PERIODIC and one.log_evidence > least]
     finer = between(left.periodic, evident, float(found.journey.ends.max()))
     if finer:
@@ -183,11 +184,11 @@ def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) ->
     inside = {h.effect.id for h in model.tried if h.effect.of_each_window}
     least: dict[str, float] = {}
     for score in same:
-        least.setdefault(score.tried[0].effect.id, score.log_evidence + SCORES.enough)
+        least.setdefault(score.tried[0].effect.id, score.log_evidence + SHARED.enough)
     found: list[Score] = []
     for score in own:
         effect = score.tried[0].effect
-        evident = score.log_evidence > least.get(effect.id, SCORES.enough)
+        evident = score.log_evidence > least.get(effect.id, SHARED.enough)
         if evident and effect.id not in inside:
             found.append(score)
     return tuple(found)
@@ -195,9 +196,9 @@ def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) ->
 
 def _followed(found: Fit) -> Fit:
     """The fit of as long a part of the windows as the model follows."""
-    for seconds in (FITTING.first_seconds, SCORES.shortest_view):
+    for seconds in (HORIZONS[2], HORIZONS[1]):
         longest = max(recording.end for recording in found.likelihood.recordings)
-        if found.excess < FITTING.near or longest <= seconds:
+        if found.excess < SHARED.near or longest <= seconds:
             continue
         short = nearer(found, seconds)
         found = found if short is None else short

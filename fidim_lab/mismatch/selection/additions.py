@@ -17,12 +17,12 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.mismatch.fitting.fit_data import Ground
 from fidim_lab.mismatch.fitting.refit import Completed, evidence, refit
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.candidates import common_scale
 from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.side_by_side import side_by_side
 
 
@@ -86,7 +86,7 @@ def _finalists(short: Completed, raced: Sequence[Addition]) -> tuple[Addition, .
 
 def _may_race(short: Completed, score: Score) -> bool:
     """Whether terms can begin at a fit of the short time: cables that stretch only where it follows the motion."""
-    return short.excess < FITTING.near or not _stretches(score)
+    return short.excess < SHARED.near or not _stretches(score)
 
 
 def _stretches(score: Score) -> bool:

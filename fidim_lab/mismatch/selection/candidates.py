@@ -8,7 +8,7 @@ import numpy as np
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.residuals.whiteness import Whiteness, whiteness
-from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def improves(fresh: Candidate, best: Candidate, *, feeble: bool = False) -> bool
     if no_better and (before.dof == after.dof or best.is_white or not fresh.is_white):
         return False
     rest = max(best.whiteness.excess, 1e-9)
-    return feeble or fresh.is_white or rest - fresh.whiteness.excess > SCORES.feeble * rest
+    return feeble or fresh.is_white or rest - fresh.whiteness.excess > SHARED.some * rest
 
 
 def accepted(best: Candidate, fresh: Sequence[Candidate], *, feeble: bool = False) -> Candidate | None:
@@ -77,7 +77,7 @@ def of_model(model: Completed, candidates: Iterable[Candidate]) -> Candidate | N
 def more_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed | None:
     """Of models with more evidence than `best`, the one with most; of those within 5 nats, the smallest; or None."""
     scale = common_scale([best, *fresh])
-    better = [m for m in fresh if evidence(m, best, scale) > SCORES.enough]
+    better = [m for m in fresh if evidence(m, best, scale) > SHARED.enough]
     return best_of(better) if better else None
 
 
@@ -90,7 +90,7 @@ def best_of(models: Sequence[Completed]) -> Completed:
     """That with most evidence; of those within 5 nats of it, the smallest."""
     scale = common_scale(models)
     top = max(models, key=lambda m: evidence(m, models[0], scale))
-    near = [m for m in models if evidence(top, m, scale) < SCORES.enough]
+    near = [m for m in models if evidence(top, m, scale) < SHARED.enough]
     return min(near, key=lambda m: (len(m.tried), evidence(top, m, scale)))
 
 

@@ -18,7 +18,7 @@ from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.score import eliminated, imitated
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
-from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.side_by_side import found_side_by_side
 from fidim_lab.say import Say
 
@@ -67,7 +67,7 @@ def imitators(seen: View, k: int, *, any_cable: bool = False) -> tuple[Imitator,
     return tuple(sorted(found.values(), key=lambda one: one.loss))
 
 
-def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SCORES.slight) -> list[Completed]:
+def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SHARED.slight) -> list[Completed]:
     """The model that was looked at with other effects in the place of a term, where they come near; at least two terms.
 
     What has more freedom than the term is left out: it would not convince where it only imitates.
@@ -80,7 +80,7 @@ def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SCORES.
         freedom = len(model.tried[k].scored)
         near = (one for one in imitators(seen, k, any_cable=True) if one.loss < SCORES.views_tie + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
-        for other in islice(simple, SELECTION.confounders_fitted):
+        for other in islice(simple, SHARED.runners_up):
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
             fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
     return found_side_by_side(fits)

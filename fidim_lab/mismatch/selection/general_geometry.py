@@ -16,10 +16,10 @@ from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.fitting.refit import prior_of
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.scores.score import pair_scores, single_scores
 from fidim_lab.mismatch.scores.views import View, view
 from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
 
@@ -110,7 +110,7 @@ def instead_of_a_search(exact: Baseline, seen: View | None, say: Say) -> Baselin
     if exact.campaign.robot.survey is not None or seen is None:
         return None
     general = rival(seen)
-    if general is None or general.temper > FITTING.near * seen.fit.noise_ratio**2:
+    if general is None or general.temper > SHARED.near * seen.fit.noise_ratio**2:
         return None
     if general.best < most_of_effects(seen, general.temper) + ODDS:
         return None

@@ -11,7 +11,7 @@ from fidim_lab.mismatch.fitting.sprung import left_at_first
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.selection.candidates import best_of, most_convincing
 from fidim_lab.mismatch.selection.confounders import in_place_of
-from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.side_by_side import found_side_by_side
 
 
@@ -50,4 +50,4 @@ def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffe
         for effect, begin in start.tried.admitted(forms):
             wider = general(term, effect, begin)
             fits.append(partial(in_place_of, simple, k, wider, begin, start.short_ground, start.context))
-    return [wide for wide in found_side_by_side(fits) if wide.excess <= SELECTION.generalise_as_good * simple.excess]
+    return [wide for wide in found_side_by_side(fits) if wide.excess <= SHARED.little * simple.excess]

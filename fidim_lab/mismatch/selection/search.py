@@ -16,8 +16,6 @@ from fidim_lab.mismatch.cleaning.restarts import find_pushes
 from fidim_lab.mismatch.cleaning.segments import predict_segments
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed, again, evidence, refit
-from fidim_lab.mismatch.fitting.thresholds import FITTING
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.additions import Addition
 from fidim_lab.mismatch.selection.budget import Patience
@@ -36,6 +34,7 @@ from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.selection.trials import Trials
 from fidim_lab.mismatch.selection.unions import unions
 from fidim_lab.mismatch.selection.whole_windows import WholeWindows
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.side_by_side import found_side_by_side
 from fidim_lab.say import Say
 
@@ -99,9 +98,9 @@ class Search:
         if not (_is_simple(best) and best.is_white):
             best = most_convincing(best, self._together())
         scale = common_scale([best, *self.trials.passing])
-        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < SELECTION.search_close]
+        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < SHARED.close]
         near.sort(key=lambda m: evidence(best, m, scale))
-        return [m for m in _distinct([best, *near])[: SELECTION.search_shortlist] if m.tried]
+        return [m for m in _distinct([best, *near])[: SHARED.leaders] if m.tried]
 
     def _exchanged(self, seen: View) -> Completed | None:
         """The model that was looked at with another effect in the place of a term, where that is more convincing.
@@ -134,7 +133,7 @@ class Search:
         start, well = self.start, [*self.trials.raced, *self.trials.passing]
         fits = [
             partial(refit, start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
-            for terms in (() if self.patience.ended else unions(well, SELECTION.most_terms))
+            for terms in (() if self.patience.ended else unions(well, SHARED.most_terms))
         ]
         fresh = found_side_by_side(fits)
         self.trials.passing += fresh
@@ -183,10 +182,10 @@ class Search:
 
     def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
         """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
-        if not seen.races or best.is_white or best.model.excess > FITTING.hopeless or self.patience.ended:
+        if not seen.races or best.is_white or best.model.excess > SHARED.hopeless or self.patience.ended:
             return ()
         heard = self.trials.look_for_tones(best.model)
-        if not heard.singles or heard.singles[0].gain < SCORES.nearly_all_by_a_tone * heard.rest:
+        if not heard.singles or heard.singles[0].gain < SHARED.nearly_all * heard.rest:
             return ()
         return self.trials.additions(heard)
 
@@ -252,7 +251,7 @@ class Search:
 
     def _pushes_alike(self, best: Candidate) -> tuple[Contact, ...]:
         """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
-        if not self.look_for_pushes or best.is_white or best.model.excess > FITTING.near:
+        if not self.look_for_pushes or best.is_white or best.model.excess > SHARED.near:
             return ()
         return find_common_push(best.model, self.start.held_out)
 

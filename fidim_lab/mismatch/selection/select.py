@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import PERIODIC, View
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
@@ -28,6 +27,7 @@ from fidim_lab.mismatch.selection.confounders import in_their_place
 from fidim_lab.mismatch.selection.search import Search, SearchState
 from fidim_lab.mismatch.selection.single_force import LoneWrench
 from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.say import Say
 
@@ -116,7 +116,7 @@ def _with_imitators(search: Search, standing: SearchState) -> SearchState:
         search.trials.judged(model) for model in in_their_place(standing.last, search.start.whole_ground, search.say)
     ]
     search.trials.tried += fresh
-    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * SCORES.enough]
+    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * SHARED.enough]
     more = more_convincing(best.model, [c.model for c in as_good])
     chosen = None if more is None else of_model(more, as_good)
     return standing if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
@@ -128,9 +128,7 @@ def _with_siblings(search: Search, standing: SearchState) -> SearchState:
     What a drag of the speed imitates of a drag of its square comes out elsewhere, and not where it swings wildest.
     """
     fitting = [
-        c.model
-        for c in search.trials.tried
-        if c.model.whole and c.model.excess < SELECTION.select_fits and c.model.tried
+        c.model for c in search.trials.tried if c.model.whole and c.model.excess < SHARED.little and c.model.tried
     ]
     if standing.best.is_white or not fitting:
         return standing
@@ -168,7 +166,7 @@ def _less_doubtful(best: Candidate) -> list[list[int]]:
     every = range(len(model.tried))
     steady = [k for k in every if model.tried[k].effect.id not in PERIODIC]
     options = [steady] if 0 < len(steady) < len(model.tried) else []
-    if len(model.tried) == SELECTION.most_terms:
+    if len(model.tried) == SHARED.most_terms:
         cheapest = min(every, key=lambda k: price(model, k))
         dearer = [k for k in every if k != cheapest]
         options += [dearer] if dearer not in options else []

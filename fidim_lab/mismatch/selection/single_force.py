@@ -17,8 +17,8 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.fitting.fit_data import ground_of, whole_ground
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate, candidate
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce, model_unknown
 from fidim_lab.say import Say
 
@@ -51,7 +51,7 @@ class LoneWrench:
         found, judged = self.found, self._judged
         if found is None or judged is None or not judged.is_white:
             return False
-        return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > SCORES.enough for one in short)
+        return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > SHARED.enough for one in short)
 
     @cached_property
     def _judged(self) -> Candidate | None:

@@ -11,7 +11,6 @@ from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, general
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import PERIODIC, View, tones, view
 from fidim_lab.mismatch.selection.additions import Addition, additions
 from fidim_lab.mismatch.selection.budget import Patience
@@ -28,6 +27,7 @@ from fidim_lab.mismatch.selection.candidates import (
 from fidim_lab.mismatch.selection.confounders import in_place_of
 from fidim_lab.mismatch.selection.generalise import general_forms, widened
 from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.side_by_side import side_by_side
 from fidim_lab.say import Say
 
@@ -66,7 +66,7 @@ class Trials:
 
     def additions(self, seen: View) -> tuple[Addition, ...]:
         """The hypotheses worth adding to the scored model."""
-        room = SELECTION.most_terms - len(seen.model.tried)
+        room = SHARED.most_terms - len(seen.model.tried)
         return additions(seen, room, self.start.ground(seen.model), self.start.context)
 
     def added(self, addition: Addition, others: Sequence[Completed]) -> Completed | None:
@@ -80,7 +80,7 @@ class Trials:
             return None
         self._remember(found)
         fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
-        if self.patience.ended or rest_of(found) > SELECTION.trials_widened * min(rest_of(other) for other in fewer):
+        if self.patience.ended or rest_of(found) > SHARED.half * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
         return widened(self.start, found, addition.score.tried)
 
@@ -116,7 +116,7 @@ class Trials:
         found: list[Candidate] = []
         for one in others:
             simpler = 0 < len(one.model.tried) < len(further.model.tried) and one.is_white
-            if simpler and advantage(further.model, one.model) < SELECTION.trials_nearly:
+            if simpler and advantage(further.model, one.model) < SHARED.close:
                 wide = general_forms(self.start, one.model, {term.effect for term in one.model.tried})
                 found += [self.judged(model) for model in wide]
         return found
@@ -127,7 +127,7 @@ class Trials:
             less = self._simpler(model, k)
             if less is None and len(model.tried) > 1 and price(model, k) < SELECTION.trials_droppable:
                 less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
-            if less is not None and advantage(model, less) < SCORES.enough:
+            if less is not None and advantage(model, less) < SHARED.enough:
                 return self.pruned(less)
         return model
 
@@ -145,7 +145,7 @@ class Trials:
         narrow = term.effect.narrower(theta) if len(model.tried) > 1 else None
         simple = term.effect.parts(theta, sd) or (() if narrow is None else (narrow,))
         fewer = len(self.start.tried.admitted(simple)) < len(simple)
-        if not simple or fewer or len(model.tried) + len(simple) - 1 > SELECTION.most_terms:
+        if not simple or fewer or len(model.tried) + len(simple) - 1 > SHARED.most_terms:
             return None
         tried = [*model.tried[:k], *(general(term, *one) for one in simple), *model.tried[k + 1 :]]
         thetas = [*model.thetas[:k], *(values for _, values in simple), *model.thetas[k + 1 :]]
@@ -185,9 +185,9 @@ class Trials:
     def _gone_on(self, found: Completed, model: Completed, kept: Sequence[int]) -> Completed:
         """A fit with some of a model's terms, from where it ended on, as long as that is too early and helps."""
         ground, turns = self.start.ground(model), 0
-        while turns < SELECTION.more_turns and _falls_short(found, model, kept):
+        while turns < SHARED.rounds and _falls_short(found, model, kept):
             further = refit(ground, found.fit, found.tried, found.thetas, self.start.context)
-            if further is None or further.chi2 > SELECTION.trials_helps * found.chi2:
+            if further is None or further.chi2 > (1 - SHARED.crawl) * found.chi2:
                 break
             found, turns = further, turns + 1
         return found
@@ -213,7 +213,7 @@ def _falls_short(known: Completed, model: Completed, kept: Sequence[int]) -> boo
     """Whether a fit with some of a model's terms leaves far more than doing without the others can cost."""
     foretold = sum(price(model, k) for k in range(len(model.tried)) if k not in kept)
     cost = 0.5 * (known.chi2 - model.chi2) / common_scale([model, known])
-    return cost > SELECTION.trials_farther * (foretold + SCORES.enough)
+    return cost > SELECTION.trials_farther * (foretold + SHARED.enough)
 
 
 def _terms(tried: Sequence[Hypothesis]) -> tuple[object, ...]:

@@ -11,7 +11,7 @@ from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.selection.candidates import rest_of
-from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 
 
 def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]]:
@@ -22,7 +22,7 @@ def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]
     """
     if not raced:
         return []
-    least = SELECTION.unions_well * min(rest_of(one) for one in raced)
+    least = SHARED.near * min(rest_of(one) for one in raced)
     well = sorted((one for one in raced if rest_of(one) <= least), key=rest_of)
     seen = {frozenset(one.tried) for one in raced}
     found: list[tuple[Hypothesis, ...]] = []
@@ -32,7 +32,7 @@ def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]
         if able and frozenset(terms) not in seen and not any(_begins_somewhere(h) for h in terms):
             seen.add(frozenset(terms))
             found.append(terms)
-    return found[: SELECTION.unions_few]
+    return found[: SHARED.runners_up]
 
 
 def _begins_somewhere(tried: Hypothesis) -> bool:

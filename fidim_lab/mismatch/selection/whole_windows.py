@@ -8,11 +8,11 @@ from itertools import islice
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed, again, refit
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import Candidate, accepted
 from fidim_lab.mismatch.selection.generalise import widened
 from fidim_lab.mismatch.selection.trials import Trials
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.side_by_side import side_by_side
 from fidim_lab.say import Say
 
@@ -30,7 +30,7 @@ class WholeWindows:
         """The best of them or the baseline, and whether any came near whole windows, or none was tried."""
         fresh: list[Candidate] = []
         in_vain: list[set[NamedEffect]] = []
-        able = [model for model in short if model.excess < FITTING.hopeless]
+        able = [model for model in short if model.excess < SHARED.hopeless]
         ahead = self._two_at_once(able, baseline.model)
         for k, model in enumerate(able):
             terms = {h.effect for h in model.tried}
@@ -41,14 +41,14 @@ class WholeWindows:
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
                 continue  # where another follows whole windows
             found = ahead[k] if k in ahead else self._fitted([model], baseline.model)[0]
-            if found is not None and found.excess >= FITTING.hopeless:
+            if found is not None and found.excess >= SHARED.hopeless:
                 in_vain.append(terms)
             elif found is not None:
                 # what made good for the first seconds alone may be needless beside the whole
                 found = self.trials.pruned(widened(self.start, found, found.tried))
                 fresh.append(self.trials.judged_or_wider(found, found.tried))
         self.trials.tried += fresh
-        followed = not (fresh or in_vain) or any(one.model.excess < FITTING.near for one in fresh)
+        followed = not (fresh or in_vain) or any(one.model.excess < SHARED.near for one in fresh)
         return accepted(baseline, fresh, feeble=True) or baseline, followed
 
     def _two_at_once(self, able: Sequence[Completed], as_it_is: Completed) -> dict[int, Completed | None]:

@@ -10,8 +10,14 @@ from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.mismatch.unknown_force.family import Dependence, Expression, Family, bells, monomials
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, centres_of, drag_on, force_on
-from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.slots import PlatformState
+
+MOST_CENTRES = 45
+"""of a field in space"""
+WIDTHS = (0.08, 0.15, 0.3)
+"""of a field in space, as shares of the room that was visited"""
+OUTSIDE = 0.25
+"""how far outside the room that was visited, in its diagonals, a centre of force is looked for"""
 
 
 def _to_centre(point: ForcePoint, state: PlatformState, shape: ca.SX) -> ca.SX:
@@ -43,8 +49,8 @@ def _about_a_place(reach: Reach, point: ForcePoint, dependence: Dependence, labe
         for middle in centres_of(positions, 0.7 * share * reach.size, most)
     )
     steps = np.append(np.full(3, 0.08 * reach.size), 0.3)
-    low = np.append(positions.min(axis=0) - UNKNOWN_FORCE.by_place_outside * reach.size, np.log(0.03 * reach.size))
-    high = np.append(positions.max(axis=0) + UNKNOWN_FORCE.by_place_outside * reach.size, np.log(0.6 * reach.size))
+    low = np.append(positions.min(axis=0) - OUTSIDE * reach.size, np.log(0.03 * reach.size))
+    high = np.append(positions.max(axis=0) + OUTSIDE * reach.size, np.log(0.6 * reach.size))
     return Family(dependence, label, wrenches, falling, shapes, steps, point, box=np.stack([low, high]))
 
 
@@ -78,10 +84,10 @@ def evenly(reach: Reach) -> list[Family]:
 def in_space(reach: Reach) -> list[Family]:
     """Any smooth force of the place, and a brake that is stronger in some places: bells of several widths."""
     found: list[Family] = []
-    for share, point in product(UNKNOWN_FORCE.by_place_widths, ForcePoint):
+    for share, point in product(WIDTHS, ForcePoint):
         width = share * reach.size
         positions = reach.places(point)
-        field = partial(_field, point, ca.SX(ca.DM(centres_of(positions, width, UNKNOWN_FORCE.most_centres))), width)
+        field = partial(_field, point, ca.SX(ca.DM(centres_of(positions, width, MOST_CENTRES))), width)
         none, says = NO_SHAPE, f"{width:.2g} m wide"
         label = f"force field on {point.value}, {says}"
         found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none, point=point))

@@ -18,8 +18,12 @@ from fidim_lab.mismatch.unknown_force.reach import (
     turned,
     velocity,
 )
-from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.slots import PlatformState
+
+POWERS = (1.0, 2.0, 3.0, 4.0)
+"""of a rate, that a force may grow with"""
+TEETH = (4.0, 100.0, 2.0)
+"""in one turn: from where to where, and by what they are tried"""
 
 _drag = partial(drag_on, ForcePoint.CENTRE_OF_MASS)
 
@@ -55,7 +59,7 @@ def _speed(state: PlatformState) -> ca.SX:
 
 
 def _length(vector: ca.SX) -> ca.SX:
-    return ca.sqrt(ca.dot(vector, vector) + UNKNOWN_FORCE.by_rate_small)
+    return ca.sqrt(ca.dot(vector, vector) + 1e-9)
 
 
 def of_speed(reach: Reach) -> list[Family]:
@@ -71,7 +75,7 @@ def of_speed(reach: Reach) -> list[Family]:
 
     none = NO_SHAPE
     found: list[Family] = []
-    for q in UNKNOWN_FORCE.by_rate_powers:
+    for q in POWERS:
         law, says = partial(power, q), f"speed^{q:g}"
         found.append(Family(Dependence.SPEED, f"drag ~ {says}", _drag, law, none, power=q))
         found.append(Family(Dependence.SPEED, f"drag ~ {says}, by axis", _drag_by_axis, law, none, power=q))
@@ -108,13 +112,13 @@ def of_spin(reach: Reach) -> list[Family]:
 
     none = NO_SHAPE
     found: list[Family] = []
-    for q in UNKNOWN_FORCE.by_rate_powers:
+    for q in POWERS:
         law, says = partial(power, q), f"turning rate^{q:g}"
         found.append(Family(Dependence.SPIN, f"torque ~ {says}", _spin_drag, law, none, power=q))
         found.append(Family(Dependence.SPIN, f"torque ~ {says}, by body axis", _spin_drag_by_axis, law, none, power=q))
     found.append(Family(Dependence.ACROSS, "torque across the turning", _across_the_spin, steady, none))
     found.append(Family(Dependence.SPIN, "any torque ~ turning rate", _about_body_axes, spin, none, power=1.0))
-    for q in UNKNOWN_FORCE.by_rate_powers[:2]:
+    for q in POWERS[:2]:
         law, says = partial(grown, q), f"turning rate^{q:g}"
         found.append(Family(Dependence.TURNING, f"force ~ {says}", any_force, law, none, power=q))
         found.append(Family(Dependence.TURNING, f"steady torque ~ {says}", any_torque, law, none, power=q))
@@ -141,8 +145,8 @@ def of_teeth() -> list[Family]:
         return ca.SX(1)
 
     shapes, steps = (
-        tuple(np.array([n]) for n in np.arange(*UNKNOWN_FORCE.by_rate_teeth)),
-        np.array([0.3 * UNKNOWN_FORCE.by_rate_teeth[2]]),
+        tuple(np.array([n]) for n in np.arange(*TEETH)),
+        np.array([0.3 * TEETH[2]]),
     )
     return [
         Family(Dependence.DETENT, f"teeth of all {joint}", partial(teeth, which), steady, shapes, steps)

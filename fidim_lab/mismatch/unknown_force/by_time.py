@@ -5,8 +5,17 @@ import numpy as np
 
 from fidim_lab.mismatch.unknown_force.family import Dependence, Family, bells
 from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, any_force, any_torque
-from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.slots import PlatformState
+
+FREQUENCIES = (0.2, 8.0)
+"""Hz"""
+HARMONICS = 3
+"""of a periodic force"""
+KNOCK_HARMONICS = 10
+"""of knocks: a platform of a few Hz hardly answers to what is faster"""
+KNOCKS_AT = (0.3, 2.5)
+KNOCKS_APART = 0.02
+"""Hz: from where to where, and by what, frequencies of knocks are tried"""
 
 
 def moment(reach: Reach) -> Family:
@@ -23,15 +32,15 @@ def periodic(reach: Reach) -> list[Family]:
     """A force at one frequency with its harmonics, in step in all windows or at a time of its own in each."""
 
     def waves(state: PlatformState, shape: ca.SX) -> ca.SX:
-        return _waves(state, shape, UNKNOWN_FORCE.by_time_harmonics)
+        return _waves(state, shape, HARMONICS)
 
     step = 1 / (2 * max(reach.seconds, 1.0))
-    shapes = tuple(np.array([f]) for f in np.arange(*UNKNOWN_FORCE.by_time_frequencies, step))
+    shapes = tuple(np.array([f]) for f in np.arange(*FREQUENCIES, step))
     steps = np.array([0.3 * step])
     in_step, own = "periodic force, the same in every window", "periodic force, at its own time in every window"
     return [
         Family(Dependence.PERIODIC, in_step, any_force, waves, shapes, steps),
-        Family(Dependence.PERIODIC, own, any_force, waves, shapes, steps, harmonics=UNKNOWN_FORCE.by_time_harmonics),
+        Family(Dependence.PERIODIC, own, any_force, waves, shapes, steps, harmonics=HARMONICS),
     ]
 
 
@@ -39,14 +48,12 @@ def knocks() -> Family:
     """One short force that comes back again and again, at a time of its own in every window."""
 
     def waves(state: PlatformState, shape: ca.SX) -> ca.SX:
-        return ca.vertcat(1, _waves(state, shape, UNKNOWN_FORCE.of_knocks))
+        return ca.vertcat(1, _waves(state, shape, KNOCK_HARMONICS))
 
-    shapes = tuple(np.array([f]) for f in np.arange(*UNKNOWN_FORCE.knocks_at, UNKNOWN_FORCE.knocks_apart))
+    shapes = tuple(np.array([f]) for f in np.arange(*KNOCKS_AT, KNOCKS_APART))
     label = "knocks, at their own time in every window"
-    steps = np.array([0.3 * UNKNOWN_FORCE.knocks_apart])
-    return Family(
-        Dependence.PERIODIC, label, any_force, waves, shapes, steps, harmonics=UNKNOWN_FORCE.of_knocks, knocks=True
-    )
+    steps = np.array([0.3 * KNOCKS_APART])
+    return Family(Dependence.PERIODIC, label, any_force, waves, shapes, steps, harmonics=KNOCK_HARMONICS, knocks=True)
 
 
 def _waves(state: PlatformState, shape: ca.SX, harmonics: int) -> ca.SX:

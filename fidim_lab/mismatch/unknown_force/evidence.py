@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.family import Courses, Family
 from fidim_lab.mismatch.unknown_force.knocks import knocks
 from fidim_lab.mismatch.unknown_force.own_times import own_times
@@ -103,7 +104,7 @@ class Evidence:
         top, shape = found[0][0], shapes[found[0][1]]
         steps = courses.family.steps
         if steps is not None:
-            for _, k in found[: UNKNOWN_FORCE.evidence_best_starts]:
+            for _, k in found[: SHARED.runners_up]:
                 simplex = np.vstack([shapes[k], shapes[k] + np.diag(steps)])
                 options: Any = {
                     "initial_simplex": simplex,
@@ -258,7 +259,7 @@ def _squares(gram: np.ndarray, step: np.ndarray) -> float:
 def _modes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Eigenvalues and vectors of A over its mean size, and the root of that; 1 where nothing that it does is seen."""
     square = float(np.trace(curvature)) / max(1, len(curvature))
-    size = float(np.sqrt(square)) if square > UNKNOWN_FORCE.evidence_unseen else 1.0
+    size = float(np.sqrt(square)) if square > 1e-200 else 1.0
     values, vectors = np.linalg.eigh(curvature / size**2)
     return np.maximum(values, 0.0), vectors, size
 

@@ -11,8 +11,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.own_times import OwnTimes, cost_of
-from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
+
+WIDTHS = (0.02, 0.04, 0.08, 0.16)
+"""s, standard deviation of a knock"""
 
 
 def knocks(
@@ -25,13 +28,10 @@ def knocks(
     weights = slice(shared, grams.shape[1] - 1)
     curvature, gradient = grams[:, weights, weights], -grams[:, weights, -1]
     train = _Train(frequency, (gradient.shape[1] // directions - 1) // 2)
-    angles = np.linspace(-np.pi, np.pi, UNKNOWN_FORCE.knocks_phases, endpoint=False)
-    found = {
-        width: _common_force(train.at(angles, width), curvature, gradient, directions)
-        for width in UNKNOWN_FORCE.knocks_widths
-    }
+    angles = np.linspace(-np.pi, np.pi, SCORES.own_phase_phases, endpoint=False)
+    found = {width: _common_force(train.at(angles, width), curvature, gradient, directions) for width in WIDTHS}
     width, common = max(found.items(), key=lambda pair: pair[1].gain)
-    phases, step = angles[common.places], np.pi / UNKNOWN_FORCE.knocks_phases
+    phases, step = angles[common.places], np.pi / SCORES.own_phase_phases
     later = (train.at(phases + step, width) - train.at(phases - step, width)) / (2 * step)
     moved = np.einsum("d,wk->wdk", common.force, later).reshape(gradient.shape)
     return OwnTimes(
@@ -87,7 +87,7 @@ def _common_force(
     taken = (alone * pull).sum(axis=2)
     places, every = taken.argmax(axis=0), np.arange(taken.shape[1])
     tried: list[_Common] = []
-    for w in np.argsort(-taken[places, every])[: UNKNOWN_FORCE.knocks_leaders]:
+    for w in np.argsort(-taken[places, every])[: SHARED.leaders]:
         force, found = alone[places[w], w], places
         for _ in range(SCORES.own_phase_rounds):
             gains = 2 * pull @ force - np.einsum("d,awde,e->aw", force, curvature, force, optimize=True)

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.mismatch.scores.thresholds import SCORES
-from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def _found(curvature: np.ndarray, gradient: np.ndarray, harmonics: int) -> tuple
     size = gradient.shape[1]
     sine = np.arange(0, size, 2 * harmonics)
     lowest = np.ravel(np.column_stack([sine, sine + 1]))
-    ridge = UNKNOWN_FORCE.own_times_ridge * float(np.diagonal(curvature.sum(axis=0)).max()) + 1e-300
+    ridge = 1e-4 * float(np.diagonal(curvature.sum(axis=0)).max()) + 1e-300
     part = curvature[:, lowest[:, np.newaxis], lowest] + ridge * np.eye(len(lowest))
     own = np.linalg.solve(part, gradient[:, lowest, np.newaxis])[..., 0]
     gain = np.sqrt(np.maximum(np.einsum("wi,wi->w", own, gradient[:, lowest]), 0.0))

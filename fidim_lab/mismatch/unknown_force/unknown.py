@@ -16,9 +16,9 @@ from fidim_lab.data.records import PARAMETER_NAMES, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation
+from fidim_lab.identification.mle.trajectories.stages import HORIZONS
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predictions
-from fidim_lab.mismatch.fitting.thresholds import FITTING
-from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.evidence import Evidence, Weighed, weigh_all
 from fidim_lab.mismatch.unknown_force.families import families, last_families
 from fidim_lab.mismatch.unknown_force.family import Courses, Dependence
@@ -29,6 +29,9 @@ from fidim_lab.mismatch.unknown_force.reach import Reach
 from fidim_lab.mismatch.unknown_force.responses import responses
 from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.mismatch.unknown_force.words import words
+
+MOST_LISTED = 10
+"""families of the table"""
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ def model_unknown(
     now, latents, chosen, ranking = base, [], [], ()
     whole = left = _excess(base, base)
     for _ in range(1 if alone else UNKNOWN_FORCE.unknown_terms):
-        least = UNKNOWN_FORCE.nearly_all if alone else UNKNOWN_FORCE.unknown_feeble if latents else -np.inf
+        least = SHARED.nearly_all if alone else SHARED.some if latents else -np.inf
         found, tried = _next_term(now, least, late=not alone)
         ranking = ranking or tried
         if found is None:
@@ -127,7 +130,7 @@ def model_unknown(
         if not rest < left:
             break
         left, now, latents, chosen = rest, completed, [*latents, latent], [*chosen, (weighed, tried)]
-        if left < UNKNOWN_FORCE.unknown_second * whole or latent.extra_states:
+        if left < SHARED.some * whole or latent.extra_states:
             break
     after = predictions(now, validate).figures if latents else before
     terms = _terms(now, latents, chosen)
@@ -178,7 +181,7 @@ def conclusive(first: Weighed | None) -> bool:
     """
     if first is None or first.family.harmonics:
         return False
-    return min(first.explained, first.left_out_share) >= UNKNOWN_FORCE.nearly_all
+    return min(first.explained, first.left_out_share) >= SHARED.nearly_all
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
@@ -186,20 +189,18 @@ def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
 
     Or a plainer one that is as good as it but for what first order leaves out, and predicts windows left out better.
     """
-    believed = [one for one in ranking if one.log_evidence > SCORES.enough]
+    believed = [one for one in ranking if one.log_evidence > SHARED.enough]
     if not believed:
         return None
     useful = [one for one in believed if one.left_out > 0]
     if not useful:
         return max(believed, key=lambda one: one.log_evidence)
     best = max(one.left_out for one in useful)
-    top = max(
-        (one for one in useful if one.left_out >= UNKNOWN_FORCE.unknown_fair * best), key=lambda one: one.log_evidence
-    )
+    top = max((one for one in useful if one.left_out >= SHARED.some * best), key=lambda one: one.log_evidence)
     as_good = (
         one
         for one in useful
-        if one.log_evidence >= UNKNOWN_FORCE.unknown_as_evident * top.log_evidence and one.left_out >= top.left_out
+        if one.log_evidence >= (1 - SHARED.slight) * top.log_evidence and one.left_out >= top.left_out
     )
     return min(as_good, key=lambda one: one.effective)
 
@@ -208,9 +209,9 @@ def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
     """The motion as far as the model follows it, and how far that is (s)."""
     longest = float(base.journey.ends.max())
     best = (base.likelihood, base.journey.optimum.simulation, longest)
-    if base.excess < FITTING.near:
+    if base.excess < SHARED.near:
         return best
-    for seconds in UNKNOWN_FORCE.unknown_shorter:
+    for seconds in (HORIZONS[2], HORIZONS[1]):
         shorter = near(base, min(seconds, longest))
         if shorter is None:
             continue
@@ -218,7 +219,7 @@ def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
         simulation = journey.optimum.simulation
         rows = sum(len(residual.rows) for residual in simulation.residuals)
         best = (likelihood, simulation, min(seconds, longest))
-        if journey.optimum.cost / rows < 10 * FITTING.near * base.noise_ratio**2:
+        if journey.optimum.cost / rows < 10 * SHARED.near * base.noise_ratio**2:
             break
     return best
 
@@ -266,5 +267,5 @@ def _shifts(base: Fit, found: Fit) -> tuple[ParameterShift, ...]:
 def _listed(ranking: Sequence[Weighed]) -> tuple[FamilyTried, ...]:
     return tuple(
         FamilyTried(one.family.label, one.explained, one.left_out_share, one.log_evidence)
-        for one in ranking[: UNKNOWN_FORCE.unknown_listed]
+        for one in ranking[:MOST_LISTED]
     )

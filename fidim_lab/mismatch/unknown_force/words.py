@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.evidence import Weighed
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
@@ -23,7 +24,7 @@ def words(
     found.append(_size(field))
     found.append(_energy(field))
     best = ranking[0] if ranking else None
-    least = 0.0 if best is None else max(0.0, UNKNOWN_FORCE.words_others * best.left_out)
+    least = 0.0 if best is None else max(0.0, SHARED.nearly_all * best.left_out)
     alike = [one.family.label for one in ranking[1:] if one.left_out > least]
     if alike:
         found.append(f"About as good or better on windows left out: {', '.join(alike[:3])}.")
@@ -134,7 +135,7 @@ def _brake(latent: LatentForce, shape: np.ndarray, field: Field) -> str:
 def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     """For a linear field its stiffness; else where it is largest."""
     weights = latent.weights(theta)
-    if latent.family is None or latent.family.scale is None or len(weights) != UNKNOWN_FORCE.words_linear:
+    if latent.family is None or latent.family.scale is None or len(weights) != 3 * 4:
         return _somewhere(field, "It changes smoothly with the place")
     stiffness = weights.reshape(3, 4)[:, 1:] / latent.family.scale
     along = 0.5 * (stiffness + stiffness.T)

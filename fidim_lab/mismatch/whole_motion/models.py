@@ -22,14 +22,14 @@ from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
 from fidim_lab.identification.survey import Nuisance, prior_sd
 from fidim_lab.mismatch.fitting.refit import prior_of
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.slots import Effect
 
-TRIED = replace(ON_THE_WAY, rounds=15, crawl=FITTING.crawl)
+TRIED = replace(ON_THE_WAY, rounds=15, crawl=SHARED.crawl)
 """until a round takes less than a hundredth of what is left: of some hundred independent values half a nat"""
 
 

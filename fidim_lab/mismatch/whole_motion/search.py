@@ -12,17 +12,21 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign, Role, Survey
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, nuisances, stated
 from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.factors import likeliest_factors
 from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
-from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
 from fidim_lab.say import Say
+
+SURVEY_ROUNDS = 2
+"""of offsets and of how many times a usual survey they are, in turn"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,7 @@ def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection
     base = trial.as_it_is
     say(f"whole windows without any effect: fitted {1e3 * base.fitted:.3g} mm, held out {1e3 * base.held_out:.3g} mm")
     best, rivals = steps.beside_rivals(base)
-    for _ in range(WHOLE_MOTION.most_terms):
+    for _ in range(SHARED.most_terms):
         better = steps.better(best, rivals)
         if better is None:
             break
@@ -75,7 +79,7 @@ class _Steps:
         opened, exact = self._opened(best), self.trial.closed(best) if best.geometry else best
         if opened is None or exact is None:
             return best
-        chosen = opened if log_odds(opened, exact) > WHOLE_MOTION.odds else exact
+        chosen = opened if log_odds(opened, exact) > ODDS else exact
         self.tried += [opened] if opened is not chosen else [exact]
         return chosen
 
@@ -87,7 +91,7 @@ class _Steps:
 
     def forward(self, best: WholeModel) -> WholeModel:
         """With as many further terms as are asked for, each in the form that is, and without those made needless."""
-        while len(best.terms) < WHOLE_MOTION.most_terms:
+        while len(best.terms) < SHARED.most_terms:
             further = self.further(best)
             if further is None:
                 break
@@ -105,7 +109,7 @@ class _Steps:
         asked = self._evident(fresh, best)
         while asked:
             chosen = most_evident(asked)
-            if taken(best, chosen) > WHOLE_MOTION.takes:
+            if taken(best, chosen) > SHARED.some:
                 return chosen
             asked.remove(chosen)
             asked += self._evident(self._wider(chosen, len(chosen.terms) - 1), best)
@@ -122,7 +126,7 @@ class _Steps:
         """Without terms that another one has made needless: evidence does not ask for them any more."""
         while len(best.terms) > 1:
             every = (self.trial.without(best, k) for k in range(len(best.terms)))
-            less = [one for one in every if one is not None and log_odds(best, one) < WHOLE_MOTION.odds]
+            less = [one for one in every if one is not None and log_odds(best, one) < ODDS]
             if not less:
                 break
             self.tried.append(best)
@@ -144,7 +148,7 @@ class _Steps:
         """Those of these models that evidence prefers to the best so far as a term must be."""
         models = [one for one in fresh if one is not None]
         self.tried += models
-        return [one for one in models if log_odds(one, best) > WHOLE_MOTION.odds]
+        return [one for one in models if log_odds(one, best) > ODDS]
 
     def _wider(self, model: WholeModel, k: int) -> list[WholeModel | None]:
         """With each more general form of term k in its place."""
@@ -189,8 +193,8 @@ class _Steps:
         for score in scores:
             chosen.setdefault(_kind(score.tried[0]), score)
         best = max((score.log_evidence for score in chosen.values()), default=0.0)
-        least = max(WHOLE_MOTION.odds, WHOLE_MOTION.nearly * best)
-        return [score for score in chosen.values() if score.log_evidence > least][: WHOLE_MOTION.shortlist]
+        least = max(ODDS, SHARED.nearly * best)
+        return [score for score in chosen.values() if score.log_evidence > least][: SHARED.shortlist]
 
     def _opened(self, model: WholeModel) -> WholeModel | None:
         """With its geometry as the robot file's survey leaves it, or as a usual one does, so many times as large."""
@@ -200,8 +204,8 @@ class _Steps:
             geometry = tuple(one for one in stated(robot) if one.effect not in inside)
             return self.trial.opened(model, geometry) if geometry else None
         found: WholeModel | None = None
-        factors = likeliest_factors(model) if model.geometry else (WHOLE_MOTION.begun, WHOLE_MOTION.begun)
-        for _ in range(WHOLE_MOTION.survey_rounds):
+        factors = likeliest_factors(model) if model.geometry else (SHARED.wide, SHARED.wide)
+        for _ in range(SURVEY_ROUNDS):
             anchor, attachment = factors
             survey = Survey.alike(robot.n, anchor * TYPICAL_ANCHOR, attachment * TYPICAL_ATTACHMENT)
             geometry = tuple(one for one in nuisances(robot, survey) if one.effect not in inside)
@@ -215,7 +219,7 @@ class _Steps:
 def most_evident(models: list[WholeModel]) -> WholeModel:
     """By evidence; where it does not tell by odds of 20, the fewest parameters, and all cables before one of them."""
     top = max(models, key=lambda one: log_odds(one, models[0]))
-    near = [one for one in models if log_odds(top, one) < WHOLE_MOTION.odds]
+    near = [one for one in models if log_odds(top, one) < ODDS]
     return min(near, key=lambda one: (one.parameters, _picked(one), -log_odds(one, top)))
 
 

@@ -8,8 +8,9 @@ window, and a mean that is within that scatter says nothing.
 import numpy as np
 from scipy.stats import t as student
 
+from fidim_lab.identification.mle.evidence import ODDS
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.models import WholeModel
-from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 
 
 def log_odds(model: WholeModel, than: WholeModel) -> float:
@@ -22,7 +23,7 @@ def chance(model: WholeModel, than: WholeModel) -> float:
     """That windows held out prefer `model` by accident alone (one-sided t of log rms); 1 where too few windows tell."""
     both = [id for id in model.held if id in than.held]
     gains = np.array([np.log(than.held[id].rms / model.held[id].rms) for id in both])
-    if len(gains) < WHOLE_MOTION.fewest:
+    if len(gains) < SHARED.fewest:
         return 1.0
     spread = float(gains.std(ddof=1)) / np.sqrt(len(gains))
     return float(student.sf(gains.mean() / spread, len(gains) - 1)) if spread > 0 else float(gains.mean() <= 0)
@@ -38,8 +39,8 @@ def excludes(model: WholeModel, other: WholeModel) -> bool:
     if other.parameters > model.parameters:
         return odds > 0.0
     if model.found.explained:
-        return odds > WHOLE_MOTION.odds
-    return odds > WHOLE_MOTION.odds and chance(model, other) < WHOLE_MOTION.tail
+        return odds > ODDS
+    return odds > ODDS and chance(model, other) < 1 - SHARED.confidence
 
 
 def taken(before: WholeModel, after: WholeModel) -> float:

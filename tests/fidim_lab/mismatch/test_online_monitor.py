@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.online_monitor import FEWEST, Watch
+from fidim_lab.mismatch.online_monitor import Watch
+from fidim_lab.mismatch.thresholds import SHARED
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
@@ -23,7 +24,7 @@ def test_windows_without_hidden_physics_hold(irma4):
     watch = Watch(irma4, native=False)
     said = [watch.look([window]) for window in windows_of(irma4)]
     assert [one.chi2_per_dof is None for one in said] == [True, True, False, False]
-    assert f"{FEWEST} are needed" in said[0].says
+    assert f"{SHARED.fewest} are needed" in said[0].says
     assert said[-1].holds
     assert said[-1].windows == 4
     assert said[-1].chi2_per_dof == pytest.approx(1.0, abs=0.15)

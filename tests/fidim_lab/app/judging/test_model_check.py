@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.judging import model_check, model_worker
-from fidim_lab.app.judging.model_check import FEWEST, NO_MORE, Looked, ModelCheck
+from fidim_lab.app.judging.model_check import NO_MORE, Looked, ModelCheck
 from fidim_lab.app.judging.model_worker import Looker, answer_to
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch import online_monitor
 from procedures.events import WindowFinished
 from procedures.outcomes import Outcome
 from sim_backends.plant.world import make_world
@@ -70,7 +69,6 @@ def test_every_accepted_window_is_looked_at(monkeypatch, tmp_path):
 
 def test_plans_with_too_few_windows_start_nothing(monkeypatch, tmp_path):
     assert checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), False)], planned=2) == []
-    assert FEWEST == online_monitor.FEWEST
 
 
 def test_what_records_nothing_is_not_looked_at(monkeypatch, tmp_path):

@@ -38,7 +38,7 @@ def recorded(irma4: Robot):
 
 def audited(campaign: Campaign) -> tuple[Cleaned, Cleaned]:
     cleaned = clean(campaign)
-    return cleaned, audit(cleaned, fit_baseline(cleaned.campaign, native=True, say=lambda _: None))
+    return cleaned, audit(cleaned, fit_baseline(cleaned.campaign, native=True, say=lambda _: None)) or cleaned
 
 
 def test_a_null_is_left_alone(recorded) -> None:

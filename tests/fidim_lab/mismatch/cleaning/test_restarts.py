@@ -40,8 +40,8 @@ def pushes(baseline: Baseline) -> tuple[Contact, ...]:
 def test_a_faint_push_is_found_with_its_window_and_times(irma4: Robot, place: int, window: str) -> None:
     (push,) = pushes(fitted(irma4, f"hand-contact:fx=0.15,fy=-0.2,start=2.5,stop=3.3,window={place}"))
     assert push.window == window
-    assert push.begin == pytest.approx(2.5 - CLEANING.hand_times_sooner, abs=2 * CLEANING.restarts_step)
-    assert push.end == pytest.approx(3.3 + CLEANING.hand_times_sooner, abs=2 * CLEANING.restarts_step)
+    assert push.begin == pytest.approx(2.5 - CLEANING.timed, abs=2 * CLEANING.timed)
+    assert push.end == pytest.approx(3.3 + CLEANING.timed, abs=2 * CLEANING.timed)
     assert push.gain is not None
     assert push.gain > 30
     assert f"{push.gain:.0f} less" in push.says
@@ -57,7 +57,7 @@ def test_parts_too_short_for_two_starts_show_no_push(irma4: Robot, monkeypatch: 
     first, *others = baseline.campaign.of_role(Role.IDENTIFY)
     found = fit(
         baseline.fit.likelihood.mechanism,
-        [shortened(first, 2 * CLEANING.restarts_apart - CLEANING.restarts_step), *others],
+        [shortened(first, 2 * CLEANING.beside - CLEANING.timed), *others],
     )
     model = Completed((), found, whole=True)
     monkeypatch.setattr(restarts, "_odd", lambda leftovers: {first.id})

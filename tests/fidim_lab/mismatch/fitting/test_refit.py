@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
-from fidim_lab.mismatch.linearised.thresholds import LINEARISED
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.equations import BODY
 
 SPREADS = (1e-4, 1e-3)
@@ -19,12 +19,7 @@ def model(irma4: Robot, correlation: float) -> Completed:
     ids = ("air-drag-linear", "swivel-damping")
     tried = tuple(next(h for h in hypotheses(irma4).direct if h.effect.id == id) for id in ids)
     assert [len(h.effect.parameters) for h in tried] == [1, 1]
-    sd = np.array(
-        [
-            part * LINEARISED.hypotheses_broad * h.effect.parameters[0].scale
-            for part, h in zip(SPREADS, tried, strict=True)
-        ]
-    )
+    sd = np.array([part * SHARED.wide * h.effect.parameters[0].scale for part, h in zip(SPREADS, tried, strict=True)])
     covariance = np.eye(BODY + 2)
     covariance[BODY:, BODY:] = np.outer(sd, sd) * np.array([[1.0, correlation], [correlation, 1.0]])
     return Completed(tried, SimpleNamespace(covariance=covariance), whole=True)  # type: ignore[arg-type]

@@ -13,8 +13,7 @@ from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.fitting.sprung import begins_anew, bounded, left_at_first, stiffest
-from fidim_lab.mismatch.fitting.thresholds import FITTING
+from fidim_lab.mismatch.fitting.sprung import STIFFEST, begins_anew, bounded, left_at_first, stiffest
 from fidim_lab.mismatch.linearised.columns_sprung import SprungScorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, hypotheses
 from fidim_lab.mismatch.residuals.residual import Leftover
@@ -80,7 +79,7 @@ def test_a_fit_cannot_take_a_damper_for_a_drive(irma4: Robot) -> None:
     size = BODY + len(damped.theta)
     prior = bounded(Prior(np.zeros(size), np.ones(size)), damped)
     assert prior.low is not None
-    np.testing.assert_array_equal(prior.low[-2:], [FITTING.stiffest, 0.0])
+    np.testing.assert_array_equal(prior.low[-2:], [STIFFEST, 0.0])
     assert (prior.low[:-2] == -np.inf).all(), "what moves no cable is bounded where the fit has ended"
 
 

@@ -15,9 +15,9 @@ from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.rounds import Rounds
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.general_geometry import opened
+from fidim_lab.mismatch.thresholds import SHARED
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import BETWEEN, Sampling, simulate_campaign
@@ -33,7 +33,7 @@ def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., ReadingErro
 
     def found(*texts: str) -> ReadingErrors | None:
         base = baseline_of(*texts, seed=SEED, windows=WINDOWS, seconds=SECONDS)
-        return reading_errors(base.fit, base.campaign, SCORES.enough)
+        return reading_errors(base.fit, base.campaign, SHARED.enough)
 
     return found
 
@@ -82,7 +82,7 @@ def test_a_pose_that_noise_puts_far_away_is_no_hand(irma4: Robot) -> None:
 
 def test_readings_that_are_put_right_have_no_errors(baseline_of: Callable[..., Baseline]) -> None:
     base = baseline_of("length-step:by=0.0004,cable=2,at=170", seed=SEED, windows=WINDOWS, seconds=SECONDS)
-    found = reading_errors(base.fit, base.campaign, SCORES.enough)
+    found = reading_errors(base.fit, base.campaign, SHARED.enough)
     assert found is not None
     right = found.put_right(base.campaign)
     step = found.found[0].kind.first
@@ -135,9 +135,9 @@ def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: R
     cables = tuple(replace(cable, d=cable.d + 5e-4 * off.standard_normal(3)) for cable in irma4.cables)
     wrong = replace(campaign, robot=replace(irma4, cables=cables))
     exact = fit_baseline(wrong, native=True, say=lambda _: None)
-    assert reading_errors(exact.fit, wrong, SCORES.enough) is not None
+    assert reading_errors(exact.fit, wrong, SHARED.enough) is not None
     geometry_open = opened(exact, 1.0, lambda _: None)
-    assert reading_errors(geometry_open.fit, wrong, SCORES.enough) is None
+    assert reading_errors(geometry_open.fit, wrong, SHARED.enough) is None
     rounds = Rounds(exact.short.likelihood.mechanism, lambda _: None, Patience())
     reached = rounds.reached(clean(wrong))
     assert reached.errors is None

@@ -7,7 +7,6 @@ from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
 from fidim_lab.mismatch.fitting.refit import refit
-from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
 from fidim_lab.mismatch.scores.own_phase import own_phase_scores, rotations
 from fidim_lab.mismatch.scores.score import Projected, WindowGram
@@ -108,7 +107,7 @@ def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_
     term = next(h for h in start.tried.direct if h.effect.id == "frame-misalignment")
     model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
     assert model is not None
-    assert model.excess > FITTING.near
+    assert model.excess > SHARED.near
     seen, heard = (look(model, start.tried, start.context) for look in (view, tones))
     assert seen.races
     assert not any(score.tried[0].effect.of_each_window for score in seen.singles)

@@ -8,11 +8,11 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.scores.score import Score
-from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection import additions as module
 from fidim_lab.mismatch.selection.additions import Addition, additions
 from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.thresholds import SHARED
 
 FREQUENCY = 1
 """place of f in θ of a loose mass"""
@@ -176,10 +176,10 @@ def test_where_the_motion_is_followed_terms_begin_from_nothing_but_stiffness(eve
 def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(every: Hypotheses) -> None:
     """A loose mass whose best scanned value is far from its own says less there than frictions that merely imitate."""
     ids = list(dict.fromkeys(h.effect.id for h in every.direct if h.effect.id != "loose-mass"))
-    others = [next(h for h in every.direct if h.effect.id == id) for id in ids][: SCORES.views_racing + 2]
+    others = [next(h for h in every.direct if h.effect.id == id) for id in ids][: SHARED.shortlist + 2]
     scores = [*(score(h, 900.0 - k) for k, h in enumerate(others)), score(masses(every)[0], 500.0)]
     found = [one.tried[0].effect.id for one in seen(scores, shortened=True).additions(3)]
-    assert found[: SCORES.views_racing] == [h.effect.id for h in others[: SCORES.views_racing]]
+    assert found[: SHARED.shortlist] == [h.effect.id for h in others[: SHARED.shortlist]]
     assert found[-1] == "loose-mass"
 
 
@@ -194,5 +194,5 @@ def test_one_kind_does_not_fill_the_race(every: Hypotheses) -> None:
     others = [next(h for h in every.direct if h.effect.id == id) for id in ("air-drag-linear", "cable-mass")]
     looked = seen([score(h, 900.0 - k) for k, h in enumerate([*frictions, *others])], shortened=True)
     ids = [one.tried[0].effect.id for one in looked.additions(3)]
-    assert ids == ["attachment-friction"] * SCORES.of_one_kind + ["air-drag-linear", "cable-mass"]
-    assert len(ids) <= SCORES.views_racing
+    assert ids == ["attachment-friction"] * SHARED.runners_up + ["air-drag-linear", "cable-mass"]
+    assert len(ids) <= SHARED.shortlist
