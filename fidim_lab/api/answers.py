@@ -1,12 +1,13 @@
 """What the functions of the interface return: answers that print, become tables, and can be plotted."""
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
+from rich.console import Console, RenderableType
 
-from fidim_lab.api.shown import as_text
 from fidim_lab.data.records import Body, Plan
 from fidim_lab.identification.cross_validation import CrossValidation
 from fidim_lab.identification.design.search import Design
@@ -217,3 +218,14 @@ class Designed:
 
     def __repr__(self) -> str:
         return f"Designed({len(self.plan.windows)} equilibria, C = {self.design.C:.3f})"
+
+
+WIDE = 160
+"""columns of a printed answer: no table of ours is wider"""
+
+
+def as_text(renderable: RenderableType) -> str:
+    """What a command prints, as a text without trailing blanks."""
+    buffer = io.StringIO()
+    Console(file=buffer, width=WIDE, highlight=False, color_system=None).print(renderable)
+    return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines())

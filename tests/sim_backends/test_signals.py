@@ -10,7 +10,6 @@ from drivers.cia402.dictionary import GENERIC_EDS, Load, WinchConfig
 from drivers.cia402.motion import Cia402Winch, pull_taut
 from drivers.cia402.profile import Signal
 from drivers.cia402.watch import CanopenMaster, set_brake
-from drivers.cia402.watch.brake import brake_applied
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError, RefusedError
@@ -123,9 +122,9 @@ def test_the_doctor_tells_it():
 def test_a_brake_is_released_and_applied_without_power_alone():
     async def work(winch, drive):
         brake, device = CONFIG.brake_output, CONFIG.device
-        assert await brake_applied(winch.link, brake) is None  # nobody has commanded it yet
+        assert drive.od.number(0x60FE, 2) == 0  # nobody has commanded it yet
         await set_brake(winch.link, brake, device, applied=False)
-        assert await brake_applied(winch.link, brake) is False
+        assert drive.od.number(0x60FE, 1) == 0
         assert drive.od.number(0x60FE, 2) == 1
         await set_brake(winch.link, brake, device, applied=True)
         assert drive.od.number(0x60FE, 1) == 1

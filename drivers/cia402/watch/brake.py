@@ -32,11 +32,3 @@ async def set_brake(link: NodeLink, brake: Signal | None, device: str, *, applie
     level = brake.put(await link.sdo.read(OUTPUTS, 1), applied)
     await link.sdo.write_verified(OUTPUTS, 1, level)
     await link.sdo.write_verified(OUTPUTS, 2, await link.sdo.read(OUTPUTS, 2) | 1 << brake.bit)
-
-
-async def brake_applied(link: NodeLink, brake: Signal | None) -> bool | None:
-    """Whether the output says that it is; None where nothing tells."""
-    if brake is None or not link.able.has(OUTPUTS, 1):
-        return None
-    mask = await link.sdo.read(OUTPUTS, 2) if link.able.has(OUTPUTS, 2) else 1 << brake.bit
-    return brake.is_active(await link.sdo.read(OUTPUTS, 1)) if mask >> brake.bit & 1 else None

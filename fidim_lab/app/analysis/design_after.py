@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from rich.table import Table
 
-from fidim_lab.app.analysis.design_after_words import ANSWER, PLAN, closing, proposed_table
 from fidim_lab.app.formats.explanation_file import ExplanationTable, claims_of, read_explanation
 from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.windows_table import windows_table
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.plan_file import write_plan
@@ -231,3 +232,25 @@ def _known_lines(known: NextWindow) -> list[str]:
         for name, before, after in zip(PARAMETER_NAMES, known.sd_before, known.sd_after, strict=True)
     )
     return ["The window that tells most about the body:", f"predicted sd  {parts}"]
+
+
+PLAN, ANSWER = "plan.toml", "next.json"
+
+
+def proposed_table(plan: Plan, notes: Sequence[tuple[str, ...]]) -> Table:
+    """The windows with their notes.
+
+    notes: for each window the effect that it is for, and the odds once it and those before it are recorded; or nothing.
+    """
+    heads = ("window", *(("for", "odds") if notes[0] else ()))
+    return windows_table("To record next", [window.id for window in plan.windows], plan.windows, notes, heads)
+
+
+def closing(plan: Plan, out: Path | None) -> list[str]:
+    """What was written, and what comes next. out: the folder, where one was asked for."""
+    if not plan.windows:
+        why = "no window that can be recorded is likely to tell apart what is in question"
+        return [f"written     {out / ANSWER}; no {PLAN}: {why}"] if out is not None else [f"plan        none: {why}"]
+    if out is None:
+        return [f"plan        not written: --out FOLDER makes {PLAN} of these windows, for fidim run"]
+    return [f"written     {out / PLAN}, {ANSWER}", f"next        fidim run {out / PLAN} --rig RIG.toml"]

@@ -5,10 +5,9 @@
     seen.findings          time stamps, gaps, frozen runs, spikes, jumps, lost frames, noise
     seen.redundancy        channels that measure the same thing twice, and whether they contradict each other
     seen.mistakes          simple changes of the robot file that make a gross contradiction vanish
-    seen.is_sensor_fault   faults were found, and without them the kinematics agree
 
 On campaigns without fault the chance of any fault finding is below 1 %. Whether faults explain the misfit of a *fit* is
-decided by fitting the cleaned campaign: `is_sensor_fault` is a hint, to be confirmed by a remainder that is white.
+decided by fitting the cleaned campaign: its remainder must be white.
 """
 
 from dataclasses import dataclass, replace
@@ -65,11 +64,6 @@ class Screening:
     def contradicts_kinematics(self) -> bool:
         """True where markers, lengths and geometry disagree, cleaned of faults: no force can do that."""
         return any(one.contradicts and one.name != "currents-statics" for one in self.redundancy) or bool(self.mistakes)
-
-    @property
-    def is_sensor_fault(self) -> bool:
-        """Whether faults were found and the kinematics agree without them: a hint, see the module."""
-        return bool(self.faults) and not self.contradicts_kinematics
 
     @property
     def says(self) -> tuple[str, ...]:

@@ -17,8 +17,14 @@ from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.readings.influence import AXES, Influence, influence
 from fidim_lab.mismatch.readings.kinds import CONSTANT, ReadingKind, reading_kinds
-from fidim_lab.mismatch.readings.thresholds import READINGS
 from fidim_lab.mismatch.thresholds import SHARED
+
+SMALLEST = 0.5
+"""of an encoder's resolution: the smallest error of readings that is asked for"""
+LARGEST = 0.02
+"""m: larger errors are mistakes of the robot file or of the recording, which other checks name"""
+SIZES = 25
+"""between them, over which evidence is averaged: steps of a third where they span three decades"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +87,8 @@ def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErro
     """
     order = tuple(dict.fromkeys(whole_id(window.id) for window in campaign.windows))
     seen = influence(found)
-    smallest = READINGS.smallest * found.likelihood.resolution
-    sizes = np.geomspace(smallest, max(READINGS.largest, 2 * smallest), READINGS.sizes)
+    smallest = SMALLEST * found.likelihood.resolution
+    sizes = np.geomspace(smallest, max(LARGEST, 2 * smallest), SIZES)
     search = _Search(seen, order, reading_kinds(seen.cables, order), sizes)
     temper = seen.temper(np.zeros(len(seen.gradient)))
     chosen: tuple[ReadingError, ...] = ()

@@ -8,7 +8,18 @@ from typing import Any
 from fidim_lab.data.eds import EdsFile, read_dictionary
 from fidim_lab.errors import FileError
 from sim_backends.drive.objects.dictionary import Dictionary, ObjectSpec, Value
-from sim_backends.drive.objects.factors import counted_as_it_is
+
+_RATIOS = (0x608F, 0x6091, 0x6092, 0x6093)
+
+
+def counted_as_it_is(od: Dictionary) -> Dictionary:
+    """The same dictionary; what an EDS file has as defaults would be another drive's mechanics."""
+    od.fix(0x607E, 0, 0)
+    for index in _RATIOS:
+        for sub in (1, 2):
+            od.fix(index, sub, 1)
+    return od
+
 
 _CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I", 8: "f", 0x11: "d", 0x15: "q", 0x1B: "Q"}
 """CiA 301 data types; every other type is kept as bytes"""

@@ -73,7 +73,8 @@ def only_fault(campaign: Campaign):
     seen = screen(campaign)
     assert len(seen.faults) == 1, seen.says
     assert seen.faults[0].window == "w2"
-    assert seen.is_sensor_fault
+    assert seen.faults
+    assert not seen.contradicts_kinematics
     return seen, seen.faults[0]
 
 
@@ -82,7 +83,6 @@ def test_a_clean_campaign_gives_no_finding(clean, markers):
     seen = screen(clean(markers=markers))
     assert seen.findings == ()
     assert seen.mistakes == ()
-    assert not seen.is_sensor_fault
     assert not seen.contradicts_kinematics
     assert seen.noise_ratio == pytest.approx(1.0, abs=0.05)
     assert {one.name for one in seen.redundancy} >= {"markers-lengths"}
@@ -122,7 +122,8 @@ def test_many_spikes_are_all_found(clean):
     gone = np.flatnonzero(np.isnan(seen.campaign.windows[1].markers[:, 0, 0]))
     assert set(rows) <= set(gone)
     assert len(gone) <= 22
-    assert seen.is_sensor_fault
+    assert seen.faults
+    assert not seen.contradicts_kinematics
 
 
 def test_a_frozen_run_is_found(clean):
@@ -214,7 +215,7 @@ def test_rows_that_are_openly_missing_are_a_gap_and_no_fault(clean):
     cut = replace(window, t=window.t[kept], markers=window.markers[kept], lengths=window.lengths[kept])
     seen = screen(replace(campaign, windows=(campaign.windows[0], cut, *campaign.windows[2:])))
     assert [(f.kind, f.window, f.size) for f in seen.findings] == [(DefectKind.GAP, "w2", 5.0)]
-    assert not seen.is_sensor_fault
+    assert not seen.faults
 
 
 def test_uneven_time_stamps_and_another_rate_are_said(clean):
@@ -242,7 +243,7 @@ def test_noise_that_is_not_the_declared_is_measured(clean):
     seen = screen(clean(noise=3e-4))
     assert [f.kind for f in seen.findings] == [DefectKind.NOISE]
     assert seen.noise_ratio == pytest.approx(3.0, rel=0.05)
-    assert not seen.is_sensor_fault
+    assert not seen.faults
 
 
 def test_a_moved_anchor_contradicts_the_kinematics(clean):

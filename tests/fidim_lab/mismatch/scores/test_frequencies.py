@@ -8,8 +8,7 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.linearised.columns import frequency_of
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
-from fidim_lab.mismatch.scores.frequencies import between
-from fidim_lab.mismatch.scores.views import view
+from fidim_lab.mismatch.scores.views import between, view
 
 
 @pytest.mark.parametrize(
