@@ -16,6 +16,8 @@ from fidim_lab.mismatch.unknown_force.own_times import OwnTimes, cost_of
 
 WIDTHS = (0.02, 0.04, 0.08, 0.16)
 """s, standard deviation of a knock"""
+PHASES = 48
+"""angles that are tried"""
 
 
 def knocks(
@@ -28,10 +30,10 @@ def knocks(
     weights = slice(shared, grams.shape[1] - 1)
     curvature, gradient = grams[:, weights, weights], -grams[:, weights, -1]
     train = _Train(frequency, (gradient.shape[1] // directions - 1) // 2)
-    angles = np.linspace(-np.pi, np.pi, SCORES.own_phase_phases, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
     found = {width: _common_force(train.at(angles, width), curvature, gradient, directions) for width in WIDTHS}
     width, common = max(found.items(), key=lambda pair: pair[1].gain)
-    phases, step = angles[common.places], np.pi / SCORES.own_phase_phases
+    phases, step = angles[common.places], np.pi / PHASES
     later = (train.at(phases + step, width) - train.at(phases - step, width)) / (2 * step)
     moved = np.einsum("d,wk->wdk", common.force, later).reshape(gradient.shape)
     return OwnTimes(

@@ -1,29 +1,33 @@
 """Effects of much freedom against a wrench without a name, on campaigns of another simulator and case by case."""
 
-from types import SimpleNamespace
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
+from fidim_lab.data.records import Role
+from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.conclusion.parsimony_check import unless_outdone
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
-from fidim_lab.mismatch.fitting.holdout import predict
+from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import refit
-from fidim_lab.mismatch.selection import single_force
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.selection.candidates import Candidate, candidate
+from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.unknown_force.family import Dependence
+from fidim_lab.mismatch.unknown_force.unknown import Term, UnknownForce
+from fidim_lab.model.mechanism import Mechanism
 
 
-def judged(start: Baseline, *ids: str) -> tuple[Judged, SimpleNamespace]:
+def judged(start: Baseline, searched: Selection, *ids: str) -> tuple[Judged, Selection]:
     """As if these effects had been named; and what a search would hand over."""
     tried = [next(h for h in start.tried.direct if h.effect.id == id) for id in ids]
     model = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
     assert model is not None
     named = candidate(model, predict(model, start.held_out))
-    return Judged(Verdict.EXPLAINED, named), SimpleNamespace(
-        baseline=candidate(start.as_it_is, start.predicted), alone=None
-    )
+    return Judged(Verdict.EXPLAINED, named), replace(searched, baseline=candidate(start.as_it_is, start.predicted))
 
 
 @pytest.mark.parametrize(
@@ -38,11 +42,11 @@ def judged(start: Baseline, *ids: str) -> tuple[Judged, SimpleNamespace]:
 )
 @pytest.mark.sampled(1)
 def test_what_a_simple_wrench_says_better_is_not_named(
-    baseline_of, hidden: str, named: tuple[str, str], wrench: Dependence | None
+    baseline_of, searched, hidden: str, named: tuple[str, str], wrench: Dependence | None
 ) -> None:
     start = baseline_of(hidden, seed=3, windows=6, seconds=3.0)
     said: list[str] = []
-    claim, found = judged(start, *named)
+    claim, found = judged(start, searched, *named)
     after = unless_outdone(claim, found, start.campaign, said.append)
     assert said == [f"modelling what {claim.named.model.label} may stand for, without a name"]
     if wrench is None:
@@ -54,99 +58,86 @@ def test_what_a_simple_wrench_says_better_is_not_named(
         assert after.outdone_by.terms[0].dependence is wrench
 
 
-CHI2, DOF = 20_000.0, 20_000
+HELD = 9_000
+"""χ² of held-out windows, as many numbers"""
+TERM = Term("one", Dependence.SPEED, None, 3.0, (), (), True)
 
 
-def fit(values: int, chi2: float = CHI2) -> SimpleNamespace:
-    likelihood = SimpleNamespace(own=12, recordings=(None,) * 6)
-    return SimpleNamespace(
-        values=(0.0,) * values, likelihood=likelihood, remainders=(SimpleNamespace(chi2=chi2, dof=DOF),)
-    )
+@pytest.fixture
+def terms(quiet: Baseline) -> Callable[..., tuple[Hypothesis, ...]]:
+    return lambda *ids: tuple(next(h for h in quiet.tried.direct if h.effect.id == id) for id in ids)
 
 
-def effects(count: int, held: int = 10_000, springs: bool = False, *, several: int = 1, dof: int = DOF) -> Candidate:
-    first = SimpleNamespace(effect=SimpleNamespace(parameters=(None,) * count))
-    others = (SimpleNamespace(effect=SimpleNamespace(parameters=())),) * (several - 1)
-    model = SimpleNamespace(
-        tried=(first, *others),
-        whole=True,
-        fit=fit(9 + count),
-        chi2=CHI2,
-        dof=dof,
-        mechanism=SimpleNamespace(springs=springs),
-    )
-    model.label = "something"
-    left = SimpleNamespace(chi2=10_000.0, dof=held)
-    return SimpleNamespace(model=model, held_out=left, whiteness=SimpleNamespace(level=1.0))  # type: ignore[return-value]
+@pytest.fixture
+def wrench_of(quiet: Baseline, fit_with: Callable[..., Fit]) -> Callable[..., UnknownForce]:
+    """With so many parameters, and so much less χ² than a fit that leaves noise, of fitted and held-out windows."""
+
+    def made(parameters: int, gained: float, foretold: float, fitted: float) -> UnknownForce:
+        after = HeldOut(HELD - foretold, HELD, 1e-4, {})
+        fit = fit_with(parameters, fitted - gained)
+        return UnknownForce((TERM,), 0.9, quiet.predicted, after, (), None, (), (), fit, 1.0)
+
+    return made
 
 
-def rival_of(values: int, gained: float, foretold: float) -> SimpleNamespace:
-    after = SimpleNamespace(chi2=10_000.0 - foretold, dof=10_000)
-    return SimpleNamespace(terms=("one",), fit=fit(9 + values, CHI2 - gained), after=after)
+@pytest.fixture
+def outdone(quiet: Baseline, searched: Selection, wrench_of: Callable[..., UnknownForce]) -> Callable[..., bool]:
+    """Whether a wrench with so many parameters and gains outdoes what is claimed."""
 
+    def made(named: Candidate, parameters: int, gained: float, foretold: float, chi2: float | None = None) -> bool:
+        rival = wrench_of(parameters, gained, foretold, named.model.chi2 if chi2 is None else chi2)
+        found = replace(searched, alone=rival)
+        after = unless_outdone(Judged(Verdict.EXPLAINED, named), found, quiet.campaign, pytest.fail)
+        return after.outdone_by is rival
 
-def doubted(monkeypatch: pytest.MonkeyPatch, claim: Candidate, wrench: SimpleNamespace) -> tuple[Verdict, list[bool]]:
-    """The verdict on what is claimed beside that wrench; and of each time it was modelled, whether it alone."""
-    asked: list[bool] = []
-
-    def modelled(*_: object, alone: bool) -> SimpleNamespace:
-        asked.append(alone)
-        return wrench
-
-    monkeypatch.setattr(single_force, "modelled", modelled)
-    found = SimpleNamespace(baseline=SimpleNamespace(model=None), alone=None)
-    campaign = SimpleNamespace(of_role=lambda role: ("a window",))
-    after = unless_outdone(Judged(Verdict.EXPLAINED, claim), found, campaign, lambda _: None)  # type: ignore[arg-type]
-    return after.verdict, asked
+    return made
 
 
 @pytest.mark.parametrize(
-    ("parameters", "rival", "gained", "foretold", "outdone_by_it"),
+    ("parameters", "gained", "foretold", "outdone_by_it"),
     [
-        (9, 9, 40.0, 40.0, True),
-        (9, 9, 40.0, 4.0, False),  # held-out windows do not agree
-        (9, 9, 4.0, 40.0, False),
-        (9, 14, 40.0, 40.0, False),  # more freedom, which may gain as much by chance
-        (14, 9, -30.0, 40.0, True),  # less
+        (4, 40.0, 40.0, True),
+        (4, 40.0, 4.0, False),  # held-out windows do not agree
+        (4, 4.0, 40.0, False),
+        (9, 40.0, 40.0, False),  # more freedom, which may gain as much by chance
+        (1, -16.0, 40.0, True),  # less
     ],
 )
 def test_freedom_is_paid_for_and_held_out_windows_must_agree(
-    monkeypatch: pytest.MonkeyPatch, parameters: int, rival: int, gained: float, foretold: float, outdone_by_it: bool
+    terms, claim, outdone, parameters: int, gained: float, foretold: float, outdone_by_it: bool
 ) -> None:
-    verdict, _ = doubted(monkeypatch, effects(parameters), rival_of(rival, gained, foretold))
-    assert (verdict is Verdict.UNKNOWN_PHYSICS) is outdone_by_it
+    named = claim(*terms("constant-force", "air-drag-quadratic"), held_dof=HELD)
+    assert sum(len(one.effect.parameters) for one in named.model.tried) == 4
+    assert outdone(named, parameters, gained, foretold) is outdone_by_it
 
 
-def test_all_is_tried_against_much_freedom_one_wrench_against_several_effects_and_nothing_else_doubted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    wrench = rival_of(8, 40.0, 40.0)
-    assert doubted(monkeypatch, effects(9), wrench) == (Verdict.UNKNOWN_PHYSICS, [False])
-    assert doubted(monkeypatch, effects(9, several=2), wrench) == (Verdict.UNKNOWN_PHYSICS, [False])
-    assert doubted(monkeypatch, effects(8, several=2), wrench) == (Verdict.UNKNOWN_PHYSICS, [True])
-    assert doubted(monkeypatch, effects(8), wrench) == (Verdict.EXPLAINED, [])
-
-
-def test_what_named_effects_lose_is_charged_like_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    half = effects(9, dof=DOF // 2)  # with the χ² of all windows in half of them
-    assert doubted(monkeypatch, half, rival_of(9, 0.0, 40.0))[0] is Verdict.UNKNOWN_PHYSICS
-    assert doubted(monkeypatch, effects(9), rival_of(9, 0.0, 40.0))[0] is Verdict.EXPLAINED
+def test_what_named_effects_lose_is_charged_like_the_rest(terms, claim, outdone) -> None:
+    two = terms("constant-force", "air-drag-quadratic")
+    all_of_it = claim(*two, held_dof=HELD)
+    half = claim(*two, held_dof=HELD, dof=10_500, fitted=2.0)  # with the χ² of all windows in half of them
+    assert outdone(half, 4, 0.0, 40.0, all_of_it.model.chi2)
+    assert not outdone(all_of_it, 4, 0.0, 40.0)
 
 
 @pytest.mark.parametrize(
-    ("claim", "windows"),
+    ("ids", "verdict", "springs", "held"),
     [
-        (Judged(Verdict.UNKNOWN_PHYSICS, effects(12)), ("v01",)),
-        (Judged(Verdict.EXPLAINED, effects(12, springs=True)), ("v01",)),
-        (Judged(Verdict.EXPLAINED, effects(12)), ()),
-        (Judged(Verdict.EXPLAINED, effects(8)), ("v01",)),
+        (("umbilical", "constant-force"), Verdict.UNKNOWN_PHYSICS, False, True),
+        (("umbilical", "constant-force"), Verdict.EXPLAINED, True, True),
+        (("umbilical", "constant-force"), Verdict.EXPLAINED, False, False),
+        (("umbilical",), Verdict.EXPLAINED, False, True),
     ],
     ids=["nothing is named", "cables stretch", "nothing is held out", "one effect of few parameters"],
 )
 def test_nothing_is_modelled_where_there_is_nothing_to_doubt_or_to_judge_by(
-    monkeypatch: pytest.MonkeyPatch, claim: Judged, windows: tuple[str, ...]
+    quiet, searched, terms, claim, ids: tuple[str, ...], verdict: Verdict, springs: bool, held: bool
 ) -> None:
-    monkeypatch.setattr(single_force, "modelled", lambda *_, **__: pytest.fail("modelled"))
-    campaign = SimpleNamespace(of_role=lambda role: windows)
-    found = SimpleNamespace(baseline=SimpleNamespace(model=None), alone=None)
-    assert unless_outdone(claim, found, campaign, lambda _: None) is claim  # type: ignore[arg-type]
+    named = claim(*terms(*ids))
+    if springs:
+        likelihood = named.model.fit.likelihood
+        made = Mechanism(quiet.campaign.robot, springs=True)
+        fit = replace(named.model.fit, likelihood=replace(likelihood, mechanism=made))
+        named = replace(named, model=replace(named.model, fit=fit))
+    campaign = quiet.campaign if held else replace(quiet.campaign, windows=quiet.campaign.of_role(Role.IDENTIFY))
+    judged = Judged(verdict, named)
+    assert unless_outdone(judged, searched, campaign, pytest.fail) is judged

@@ -1,13 +1,16 @@
 """What has no name is told in words only where it takes most of what is left."""
 
-from types import SimpleNamespace
+from collections.abc import Callable
 
 import pytest
 
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
+from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import HeldOut
-from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
+from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.unknown_force.family import Dependence
+from fidim_lab.mismatch.unknown_force.unknown import Term, UnknownForce
 
 WORDS = ("It repeats every 0.2 s: 0.65 N.",)
 
@@ -17,13 +20,15 @@ def held(chi2_per_dof: float) -> HeldOut:
 
 
 @pytest.mark.parametrize(("after", "told"), [(5.4, True), (5.6, False)])
-def test_a_wrench_that_takes_less_than_half_is_not_described(after: float, told: bool) -> None:
-    wrench = UnknownForce(("a term",), 0.9, held(10.0), held(after), WORDS, None, (), (), None, 1.0)  # type: ignore[arg-type]
-    model = SimpleNamespace(mechanism=SimpleNamespace(springs=False))
+def test_a_wrench_that_takes_less_than_half_is_not_described(
+    quiet: Baseline, claim: Callable[..., Candidate], after: float, told: bool
+) -> None:
+    term = Term("repeats", Dependence.PERIODIC, None, None, (5.0,), WORDS, True)
+    wrench = UnknownForce((term,), 0.9, held(10.0), held(after), WORDS, None, (), (), quiet.fit, 1.0)
     base = Explanation(
         "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(10.0, 10.0), Before(1.0, 1.0), (), {}, {}, None, "Missing.", 1.0
     )
-    found = with_unknown(base, SimpleNamespace(model=model), None, lambda _: None, wrench)  # type: ignore[arg-type]
+    found = with_unknown(base, claim(), quiet.campaign, lambda _: None, wrench)
     assert found.unknown is not None
     assert (WORDS[0] in found.message, found.unknown.words == WORDS) == (told, told)
     assert found.chi2_per_dof.after == pytest.approx(after)
