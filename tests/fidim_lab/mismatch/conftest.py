@@ -54,7 +54,7 @@ def searched(quiet: Baseline) -> Selection:
 
 @pytest.fixture(scope="session")
 def fit_with(quiet: Baseline) -> Callable[..., Fit]:
-    """A fit with so many shared parameters beside the body, all 0 but the first, and this χ²."""
+    """A fit with so many shared parameters beside the body, all 0 but the first, and this χ²; of the declared noise."""
 
     def made(further: int, chi2: float, *, first: float = 0.0, dof: int = DOF) -> Fit:
         fit, count = quiet.fit, len(quiet.fit.remainders)
@@ -63,7 +63,7 @@ def fit_with(quiet: Baseline) -> Callable[..., Fit]:
         simulation = fit.journey.optimum.simulation
         point = replace(simulation.point, shared=np.concatenate([fit.values, theta]))
         optimum = replace(fit.journey.optimum, simulation=replace(simulation, point=point))
-        left = tuple(replace(one, chi2=chi2 / count, dof=dof // count) for one in fit.remainders)
+        left = tuple(replace(one, chi2=chi2 / count, dof=dof // count, noise=None) for one in fit.remainders)
         return replace(fit, journey=replace(fit.journey, optimum=optimum), remainders=left)
 
     return made

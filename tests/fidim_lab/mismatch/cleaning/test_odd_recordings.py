@@ -9,23 +9,29 @@ import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.identification.cleaning.free_motion import PART
+from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning import residual_checks
 from fidim_lab.mismatch.cleaning.contacts import Contact, at_the_same_time
 from fidim_lab.mismatch.cleaning.restarts import parts_of
 from fidim_lab.mismatch.cleaning.segments import Segmented, fit_segments
-from fidim_lab.mismatch.conclusion import unnamed
-from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.message import body_parameters, figures_of
+from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.unknown_force.family import Dependence
+from fidim_lab.mismatch.unknown_force.unknown import Term, UnknownForce
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
+
+DOF = 21_000
+"""of the fits that `fit_with` makes"""
 
 
 @pytest.fixture(scope="module")
@@ -105,28 +111,35 @@ def test_a_hand_with_a_weak_shoulder_is_cut_where_the_kinematics_are_contradicte
     assert len(after.campaign.windows) == 2
 
 
-def test_standard_deviations_grow_with_noise_that_was_not_declared(irma4: Robot) -> None:
-    fit = SimpleNamespace(values=irma4.nominal.vector, sd=np.full(9, 1e-5), chi2_per_dof=9.0, excess=1.0)
-    told = body_parameters(fit, Campaign("c", irma4, 100.0, ()))  # type: ignore[arg-type]
-    assert [one.sd for one in told.values()] == pytest.approx([3e-5] * 9)
+def test_standard_deviations_grow_with_noise_that_was_not_declared(
+    quiet: Baseline, fit_with: Callable[..., Fit]
+) -> None:
+    declared = fit_with(0, DOF - 9.0)
+    noise = 3 * quiet.fit.likelihood.noise
+    left = tuple(replace(one, chi2=9 * one.chi2, noise=noise) for one in declared.remainders)
+    found = replace(declared, remainders=left)
+    assert (found.chi2_per_dof, found.excess) == pytest.approx((9.0, 1.0))
+    told = body_parameters(found, quiet.campaign)
+    np.testing.assert_allclose([one.sd for one in told.values()], 3 * declared.sd)
 
 
-def test_without_held_out_windows_no_wrench_without_a_name_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = SimpleNamespace(terms=("a wrench",), after=SimpleNamespace(dof=0))
-    monkeypatch.setattr(unnamed, "modelled", lambda *_: found)
-    monkeypatch.setattr(unnamed, "replace", lambda told, *, message: message)
-    told = SimpleNamespace(verdict=Verdict.UNKNOWN_PHYSICS, message="Something is missing.")
-    named = SimpleNamespace(model=SimpleNamespace(mechanism=SimpleNamespace(springs=False)), held_out=None)
-    campaign = SimpleNamespace(of_role=lambda role: ())
-    said = unnamed.with_unknown(told, named, campaign, lambda _: None)  # type: ignore[arg-type]
-    assert "cannot be judged" in str(said)
+def test_without_held_out_windows_no_wrench_without_a_name_is_judged(
+    quiet: Baseline, claim: Callable[..., Candidate]
+) -> None:
+    nothing = HeldOut(0.0, 0, float("nan"), {})
+    term = Term("one", Dependence.SPEED, None, 3.0, (), (), True)
+    wrench = UnknownForce((term,), 0.9, nothing, nothing, (), None, (), (), quiet.fit, 1.0)
+    chi2, rms = Before(10.0, None), Before(1.0, None)
+    told = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), chi2, rms, (), {}, {}, None, "Something is missing.", 1.0)
+    said = with_unknown(told, claim(), quiet.campaign, lambda _: None, wrench)
+    assert "cannot be judged" in said.message
+    assert said.unknown is None
 
 
-def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones() -> None:
+def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones(claim: Callable[..., Candidate]) -> None:
     def one(chi2: float, dof: int) -> Candidate:
         seen = HeldOut(chi2 * dof, dof, 1e-3 if dof else float("nan"), {})
-        model = SimpleNamespace(fit=SimpleNamespace(chi2_per_dof=chi2))
-        return SimpleNamespace(held_out=seen, model=model)  # type: ignore[return-value]
+        return replace(claim(fitted=chi2), held_out=seen)
 
     before, after = one(19.8, 0), one(1.0, 0)
     assert figures_of(before, after) == (

@@ -1,13 +1,12 @@
 """At which frequencies tones are tried."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.linearised.columns import frequency_of
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
+from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.scores.views import between, view
 
 
@@ -24,8 +23,8 @@ def test_the_best_tone_is_looked_at_between_its_neighbours(
 ) -> None:
     scanned = hypotheses(irma4).periodic
     two = [next(h for h in scanned if h.effect.id == "periodic-force" and frequency_of(h) == f) for f in (1.3, 1.8)]
-    tones = [SimpleNamespace(tried=(h,), log_evidence=said) for h, said in zip(two, (20.0, 50.0), strict=True)]
-    found = between(scanned, tones, seconds)  # type: ignore[arg-type]
+    tones = [Score((h,), (np.zeros(6),), 2 * said, said) for h, said in zip(two, (20.0, 50.0), strict=True)]
+    found = between(scanned, tones, seconds)
     np.testing.assert_allclose([frequency_of(h) - 1.8 for h in found], offsets, atol=1e-9)
     assert all(h.effect == two[1].effect for h in found)
 

@@ -1,21 +1,20 @@
 """When a model with another term is taken: held-out windows, and how much of what is left it takes."""
 
-from types import SimpleNamespace
-from typing import cast
+from collections.abc import Callable
 
 import pytest
 
-from fidim_lab.mismatch.fitting.holdout import HeldOut
-from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.residuals.whiteness import Whiteness
 from fidim_lab.mismatch.selection.candidates import Candidate, improves
 
 
-def judged(chi2_per_dof: float, excess: float, dof: int = 1000) -> Candidate:
+@pytest.fixture
+def judged(claim: Callable[..., Candidate]) -> Callable[..., Candidate]:
     """By held-out windows and by what is left of all of them; nothing is left where the excess is 0."""
-    held = SimpleNamespace(dof=dof, chi2_per_dof=chi2_per_dof)
-    left = SimpleNamespace(excess=excess, is_white=excess == 0.0)
-    return Candidate(cast(Completed, SimpleNamespace()), cast(HeldOut, held), cast(Whiteness, left))
+
+    def made(chi2_per_dof: float, excess: float, dof: int = 1000) -> Candidate:
+        return claim(held_out=chi2_per_dof, held_dof=dof, excess=excess, white=excess == 0.0)
+
+    return made
 
 
 @pytest.mark.parametrize(
@@ -39,7 +38,7 @@ def judged(chi2_per_dof: float, excess: float, dof: int = 1000) -> Candidate:
         "nothing to take",
     ],
 )
-def test_what_is_taken(before, after, taken, taken_if_feeble):
+def test_what_is_taken(judged, before, after, taken, taken_if_feeble):
     best, fresh = judged(*before), judged(*after)
     assert improves(fresh, best) == taken
     assert improves(fresh, best, feeble=True) == taken_if_feeble

@@ -1,7 +1,7 @@
 """One wrench without a name against models of the first seconds, on campaigns of another simulator and case by case."""
 
 from collections.abc import Callable
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ import pytest
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed, refit
-from fidim_lab.mismatch.selection import single_force
-from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.selection.candidates import Candidate, candidate
+from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.single_force import LoneWrench, nats_beyond
 
 BASE = "modelling what {} may stand for, without a name"
@@ -46,49 +46,53 @@ def test_effects_that_act_are_not_outdone(
     assert lone.found is not None
 
 
-def test_it_is_sought_once_and_only_where_there_may_be_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_sought_once_and_only_where_there_may_be_stand_ins(
+    quiet: Baseline, searched: Selection, claim: Callable[..., Candidate]
+) -> None:
     asked: list[str] = []
-    found = SimpleNamespace(terms=())
-    monkeypatch.setattr(single_force, "modelled", lambda *_, alone: found)
-    lone = LoneWrench(None, None, asked.append)  # type: ignore[arg-type]
-
-    def model(terms: int, *, white: bool) -> Completed:
-        return SimpleNamespace(tried=(None,) * terms, is_white=white, label=f"{terms}")  # type: ignore[return-value]
-
-    assert not lone.seek([]).outdoes([])
-    simple = [model(1, white=True)]
-    assert not lone.seek(simple).outdoes(simple)
+    lone = LoneWrench(searched.baseline, quiet.campaign, asked.append)
+    drag, tilt = (
+        next(h for h in quiet.tried.direct if h.effect.id == id) for id in ("air-drag-linear", "gravity-tilt")
+    )
+    one, two, three = (claim(*terms).model for terms in ((drag,), (drag, tilt), (drag, tilt, drag)))
+    assert one.is_white
+    for simple in ([], [one]):
+        assert not lone.seek(simple).outdoes(simple)
     assert lone.found is None
-    for terms, white in ((2, True), (1, False), (3, False)):
-        short = [model(terms, white=white)]
+    for short in ([two], [three]):
         assert not lone.seek(short).outdoes(short)
-    assert asked == [BASE.format(2)]
+    assert asked == [BASE.format(two.label)]
 
 
-NOISE = 1e-4
 SAMPLES = 300
 
 
-def fit(seconds: float, size: float, values: int = 9, lost: int = 0) -> Fit:
+@pytest.fixture
+def fit(quiet: Baseline, fit_with: Callable[..., Fit]) -> Callable[..., Fit]:
     """One window of 100 samples a second, all residuals of which have that size in standard deviations."""
-    t = 2.0 + np.arange(round(100 * seconds)) / 100.0
-    residuals = np.full((len(t), 1, 3), size * NOISE)
-    residuals[:lost] = np.nan
-    left = SimpleNamespace(t=t, residuals=residuals)
-    likelihood = SimpleNamespace(noise=NOISE)
-    return SimpleNamespace(remainders=(left,), values=np.zeros(values), likelihood=likelihood)  # type: ignore[return-value]
+
+    def made(seconds: float, size: float, further: int = 0, lost: int = 0) -> Fit:
+        t = 2.0 + np.arange(round(100 * seconds)) / 100.0
+        residuals = np.full((len(t), 1, 3), size * quiet.fit.likelihood.noise)
+        residuals[:lost] = np.nan
+        left = replace(quiet.fit.remainders[0], t=t, residuals=residuals)
+        return replace(fit_with(further, 0.0), remainders=(left,))
+
+    return made
 
 
 @pytest.mark.parametrize(
     ("whole", "short", "nats"),
     [
-        (fit(3.0, 1.0), fit(1.0, 1.2), 0.5 * SAMPLES * 0.44),
-        (fit(3.0, 1.0), fit(1.0, 0.8), -0.5 * SAMPLES * 0.36),
-        (fit(3.0, 1.0, values=12), fit(1.0, 1.2), 0.5 * SAMPLES * 0.44 - 1.5 * np.log(SAMPLES)),  # freedom is paid for
-        (fit(3.0, 1.0), fit(1.0, 1.2, values=12), 0.5 * SAMPLES * 0.44),  # and its absence not rewarded
-        (fit(0.9, 1.0), fit(1.0, 1.2), -np.inf),  # it follows less far
-        (fit(3.0, 1.0, lost=1), fit(1.0, 1.2), -np.inf),
+        ((3.0, 1.0), (1.0, 1.2), 0.5 * SAMPLES * 0.44),
+        ((3.0, 1.0), (1.0, 0.8), -0.5 * SAMPLES * 0.36),
+        ((3.0, 1.0, 3), (1.0, 1.2), 0.5 * SAMPLES * 0.44 - 1.5 * np.log(SAMPLES)),  # freedom is paid for
+        ((3.0, 1.0), (1.0, 1.2, 3), 0.5 * SAMPLES * 0.44),  # and its absence not rewarded
+        ((0.9, 1.0), (1.0, 1.2), -np.inf),  # it follows less far
+        ((3.0, 1.0, 0, 1), (1.0, 1.2), -np.inf),
     ],
 )
-def test_what_a_fit_of_whole_windows_says_of_the_first_seconds(whole: Fit, short: Fit, nats: float) -> None:
-    assert nats_beyond(whole, short) == pytest.approx(nats)
+def test_what_a_fit_of_whole_windows_says_of_the_first_seconds(
+    fit: Callable[..., Fit], whole: tuple[float, ...], short: tuple[float, ...], nats: float
+) -> None:
+    assert nats_beyond(fit(*whole), fit(*short)) == pytest.approx(nats)

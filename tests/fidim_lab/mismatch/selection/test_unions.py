@@ -1,11 +1,12 @@
 """Which terms of two models of the first seconds are fitted together."""
 
-from types import SimpleNamespace
+from collections.abc import Callable
 
 import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, hypotheses
+from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.unions import unions
 
 
@@ -26,7 +27,7 @@ from fidim_lab.mismatch.selection.unions import unions
     ],
 )
 def test_terms_of_two_models_that_did_well_are_joined(
-    irma4: Robot, raced: tuple[tuple[str, float], ...], expected: list[str]
+    irma4: Robot, claim: Callable[..., Candidate], raced: tuple[tuple[str, float], ...], expected: list[str]
 ) -> None:
     every = hypotheses(irma4)
     ids = {
@@ -41,7 +42,7 @@ def test_terms_of_two_models_that_did_well_are_joined(
     }
     known["p"] = every.periodic[0]
     known["w"] = next(h for h in every.direct if h.effect.id == ids["c"] and h.effect != known["c"].effect)
-    models = [SimpleNamespace(tried=tuple(known[k] for k in terms), excess=left) for terms, left in raced]
+    models = [claim(*(known[k] for k in terms), fitted=left).model for terms, left in raced]
     letters = {id(h): letter for letter, h in known.items()}
-    found = unions(models, 3)  # type: ignore[arg-type]
+    found = unions(models, 3)
     assert ["".join(sorted(letters[id(h)] for h in terms)) for terms in found] == expected
