@@ -54,24 +54,35 @@ def searched(quiet: Baseline) -> Selection:
 
 @pytest.fixture(scope="session")
 def fit_with(quiet: Baseline) -> Callable[..., Fit]:
-    """A fit with so many shared parameters beside the body, all 0 but the first, and this χ²; of the declared noise."""
+    """A fit with these parameters (θ) beside the body, all but exactly known, and this χ²; of the declared noise."""
 
-    def made(further: int, chi2: float, *, first: float = 0.0, dof: int = DOF) -> Fit:
-        fit, count = quiet.fit, len(quiet.fit.remainders)
-        theta = np.zeros(further)
-        theta[:1] = first
-        simulation = fit.journey.optimum.simulation
-        point = replace(simulation.point, shared=np.concatenate([fit.values, theta]))
-        optimum = replace(fit.journey.optimum, simulation=replace(simulation, point=point))
-        left = tuple(replace(one, chi2=chi2 / count, dof=dof // count, noise=None) for one in fit.remainders)
-        return replace(fit, journey=replace(fit.journey, optimum=optimum), remainders=left)
+    def made(theta: np.ndarray, chi2: float, *, dof: int = DOF) -> Fit:
+        fit, count, more = quiet.fit, len(quiet.fit.remainders), len(theta)
+        optimum, prior = fit.journey.optimum, fit.prior
+        point = replace(optimum.simulation.point, shared=np.concatenate([fit.values, theta]))
+        size = optimum.tables.shape[1]
+        old, new = np.r_[: size - 1, size + more - 1], np.arange(size - 1, size + more - 1)
+        tables = np.zeros((len(optimum.tables), size + more, size + more))
+        tables[np.ix_(range(len(tables)), old, old)] = optimum.tables
+        tables[:, new, new] = 1e9
+        simulation = replace(optimum.simulation, point=point)
+        mean, sd = np.concatenate([prior.mean, theta]), np.concatenate([prior.sd, np.full(more, np.inf)])
+        return replace(
+            fit,
+            journey=replace(fit.journey, optimum=replace(optimum, simulation=simulation, tables=tables)),
+            remainders=tuple(replace(one, chi2=chi2 / count, dof=dof // count, noise=None) for one in fit.remainders),
+            prior=replace(prior, mean=mean, sd=sd),
+        )
 
     return made
 
 
 @pytest.fixture(scope="session")
-def claim(fit_with: Callable[..., Fit]) -> Callable[..., Candidate]:
-    """A model with these effects, by χ²/dof of what it was fitted to and of held-out windows, and what is left."""
+def claim(quiet: Baseline, fit_with: Callable[..., Fit]) -> Callable[..., Candidate]:
+    """A model with these effects, by χ²/dof of what it was fitted to and of held-out windows, and what is left.
+
+    theta: of all effects, in a row; unless given, as they are where they do nothing.
+    """
 
     def made(
         *tried: Hypothesis,
@@ -82,13 +93,16 @@ def claim(fit_with: Callable[..., Fit]) -> Callable[..., Candidate]:
         white: bool = False,
         at_an_edge: bool = False,
         dof: int = DOF,
+        theta: np.ndarray | None = None,
+        whole: bool = True,
     ) -> Candidate:
-        further = sum(len(one.effect.parameters) for one in tried)
-        body = len(fit_with(0, 0.0).values)
-        fit = fit_with(further, fitted * (dof - body - further), first=float(at_an_edge), dof=dof)
-        bounds = (at_an_edge, *(False,) * (further - 1)) if further else ()
+        values = np.concatenate([np.zeros(0), *(one.absent for one in tried)]) if theta is None else theta
+        if at_an_edge:
+            values = np.concatenate([[1.0], values[1:]])
+        fit = fit_with(values, fitted * (dof - len(quiet.fit.values) - len(values)), dof=dof)
+        bounds = (at_an_edge, *(False,) * (len(values) - 1)) if len(values) else ()
         held = HeldOut(held_out * held_dof, held_dof, 1e-4 * held_out, {})
         left = Whiteness(1.0, float(white), (0.0, 10.0), None, excess, 1.0, "White." if white else "Not white.")
-        return Candidate(Completed(tried, fit, whole=True, at_bound=bounds), held, left)
+        return Candidate(Completed(tried, fit, whole=whole, at_bound=bounds), held, left)
 
     return made

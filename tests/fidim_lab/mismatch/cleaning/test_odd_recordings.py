@@ -114,7 +114,7 @@ def test_a_hand_with_a_weak_shoulder_is_cut_where_the_kinematics_are_contradicte
 def test_standard_deviations_grow_with_noise_that_was_not_declared(
     quiet: Baseline, fit_with: Callable[..., Fit]
 ) -> None:
-    declared = fit_with(0, DOF - 9.0)
+    declared = fit_with(np.zeros(0), DOF - 9.0)
     noise = 3 * quiet.fit.likelihood.noise
     left = tuple(replace(one, chi2=9 * one.chi2, noise=noise) for one in declared.remainders)
     found = replace(declared, remainders=left)

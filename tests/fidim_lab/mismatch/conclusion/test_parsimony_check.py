@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fidim_lab.data.records import Role
@@ -74,7 +75,7 @@ def wrench_of(quiet: Baseline, fit_with: Callable[..., Fit]) -> Callable[..., Un
 
     def made(parameters: int, gained: float, foretold: float, fitted: float) -> UnknownForce:
         after = HeldOut(HELD - foretold, HELD, 1e-4, {})
-        fit = fit_with(parameters, fitted - gained)
+        fit = fit_with(np.zeros(parameters), fitted - gained)
         return UnknownForce((TERM,), 0.9, quiet.predicted, after, (), None, (), (), fit, 1.0)
 
     return made

@@ -76,7 +76,7 @@ def fit(quiet: Baseline, fit_with: Callable[..., Fit]) -> Callable[..., Fit]:
         residuals = np.full((len(t), 1, 3), size * quiet.fit.likelihood.noise)
         residuals[:lost] = np.nan
         left = replace(quiet.fit.remainders[0], t=t, residuals=residuals)
-        return replace(fit_with(further, 0.0), remainders=(left,))
+        return replace(fit_with(np.zeros(further), 0.0), remainders=(left,))
 
     return made
 
