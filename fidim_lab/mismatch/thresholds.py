@@ -33,7 +33,7 @@ class SharedThresholds:
     half: float = 0.5
     """a model that leaves more is no explanation: what has no name is taken up in part by any wide model, too"""
     nearly_all: float = 0.9
-    """what takes as much is tried or told before others: of what frictions leave, a tone takes half"""
+    """what takes as much is most of it: it spares further looks, and is part of the truth where little is left"""
     crawl: float = 0.01
     """a further round that takes less is the last one, where a fit leaves more than noise"""
 

@@ -19,7 +19,6 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.scores.score import Projected, Score, WindowGram
 from fidim_lab.mismatch.scores.thresholds import SCORES
-from fidim_lab.mismatch.thresholds import SHARED
 
 
 def own_phase_scores(found: Projected, grams: Sequence[WindowGram], robot: Robot) -> tuple[Score, ...]:
@@ -33,7 +32,7 @@ def own_phase_scores(found: Projected, grams: Sequence[WindowGram], robot: Robot
         if effect is not None and tried.effect.id in PERIODIC:
             windows = _turned(grams, place)
             score = _score(found, windows, replace(tried, effect=effect))
-            scores += [score] if score.gain > SHARED.nearly_all * _own_gain(*windows, found.inflation) else []
+            scores += [score] if score.gain > SCORES.by_a_tone * _own_gain(*windows, found.inflation) else []
     return tuple(scores)
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 class ScoreThresholds:
     """One field for each decision."""
 
-    # alarms
-
     # frequencies
     frequencies_turn: float = 0.2
     """turns in a whole window between the frequencies that are tried at last"""
@@ -24,6 +22,11 @@ class ScoreThresholds:
     # score
     longest_look: int = 200
     """pairs of which the best values within bounds are computed"""
+
+    # own_phase, views
+    by_a_tone: float = 0.85
+    """of what is left, from which a tone is tried before anything else (of what frictions leave, it takes half); and of
+    what tones with amplitudes of each window would take, that one amplitude must"""
 
     # views
     views_tie: float = 10.0

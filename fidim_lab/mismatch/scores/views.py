@@ -116,7 +116,7 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     seconds = float(found.journey.ends.max())
     # in a few seconds a tone at any phase passes for much of what other effects leave, but not for nearly all of it
     anyhow = not model.tried or (model.whole and found is model.fit)
-    heard = _ANYHOW if anyhow else _Heard(SHARED.nearly_all, SCORES.views_periods / seconds)
+    heard = _ANYHOW if anyhow else _Heard(SCORES.by_a_tone, SCORES.views_periods / seconds)
     return _seen(model, found, _without(tried, model.tried), context, heard)
 
 

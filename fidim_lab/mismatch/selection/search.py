@@ -16,6 +16,7 @@ from fidim_lab.mismatch.cleaning.restarts import find_pushes
 from fidim_lab.mismatch.cleaning.segments import predict_segments
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed, again, evidence, refit
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.additions import Addition
 from fidim_lab.mismatch.selection.budget import Patience
@@ -185,7 +186,7 @@ class Search:
         if not seen.races or best.is_white or best.model.excess > SHARED.hopeless or self.patience.ended:
             return ()
         heard = self.trials.look_for_tones(best.model)
-        if not heard.singles or heard.singles[0].gain < SHARED.nearly_all * heard.rest:
+        if not heard.singles or heard.singles[0].gain < SCORES.by_a_tone * heard.rest:
             return ()
         return self.trials.additions(heard)
 
