@@ -66,8 +66,6 @@ class CleaningThresholds:
     clearer_astray: float = 60.0
     """as `MARKERS.rivals_clearer`, of a fit far astray: what it leaves turns as sharply as the motion does"""
 
-    # residual_checks
-
     # restarts
     restarts_longest: float = 3.0
     """s that a push lasts at most"""

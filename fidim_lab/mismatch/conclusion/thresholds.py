@@ -7,19 +7,13 @@ from dataclasses import dataclass
 class ConclusionThresholds:
     """One field for each decision."""
 
-    # explanation
-
     # merge_cleaning
-
-    # message
 
     # parsimony_check
     parsimony_check_many: int = 9
     """parameters of effects, from which they may stand for anything, and all is tried that has no name"""
     parsimony_check_several: int = 2
     """effects, from which a single wrench is asked for that does nearly all"""
-
-    # ranking
 
     # timing
     timing_smallest: float = 3e-4
@@ -30,8 +24,6 @@ class ConclusionThresholds:
     """s, of an offset that is looked for"""
     timing_stride: float = 0.01
     """s, of the first look"""
-
-    # unknown_table
 
     # verdict
     verdict_white: float = 1.03

@@ -7,12 +7,6 @@ from dataclasses import dataclass
 class UnknownForceThresholds:
     """One field for each decision."""
 
-    # by_place
-
-    # by_rate
-
-    # by_time
-
     # evidence
     evidence_folds: int = 12
     """parts at most into which windows are divided, each left out in turn"""
@@ -28,8 +22,6 @@ class UnknownForceThresholds:
     # joint
     joint_strides: tuple[float, float] = (5.0, 10.0)
     """s; from the horizon at which the unknown was looked at to whole windows"""
-
-    # knocks
 
     # latent
     latent_most: int = 24
