@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -106,24 +105,26 @@ class RestLimits:
 
 
 def check_moves(
-    steps: Iterable[Step],
-    robot: Robot,
-    workspace: RestLimits,
-    motion: MotionSettings | None = None,
-    own: Path | None = None,
+    steps: Iterable[Step], robot: Robot, workspace: RestLimits, motion: MotionSettings | None = None
 ) -> None:
     """Refuse a procedure that leaves the workspace anywhere, or exceeds the limits of a winch.
 
-    motion: with what the winches may do. own: the file that the steps are from, where they are of somebody's own.
-    Raises InfeasibleError naming all steps that do.
+    motion: with what the winches may do. Raises InfeasibleError naming all steps that do.
     """
-    motion, numbered = motion or MotionSettings(), tuple(enumerate(steps, start=1))
-    found = [
-        f"step {number}, window {step.window or '–'}, {step.text}: {wrong.says}"
-        for number, step in numbered
-        for wrong in (*_wrong(step, robot, workspace), *_too_fast(step, motion))
-    ]
-    _refuse(found, own)
+    motion = motion or MotionSettings()
+    _refuse(
+        [
+            f"step {number}, {wrong}"
+            for number, step in enumerate(steps, start=1)
+            for wrong in beyond_limits(step, robot, workspace, motion)
+        ]
+    )
+
+
+def beyond_limits(step: Step, robot: Robot, workspace: RestLimits, motion: MotionSettings) -> list[str]:
+    """What of a step leaves the workspace, or exceeds the limits of a winch: sentences without their full stop."""
+    found = (*_wrong(step, robot, workspace), *_too_fast(step, motion))
+    return [f"window {step.window or '–'}, {step.text}: {wrong.says}" for wrong in found]
 
 
 def check_displacements(plan: Plan, robot: Robot) -> None:
@@ -140,14 +141,14 @@ def check_displacements(plan: Plan, robot: Robot) -> None:
     )
 
 
-def _refuse(found: Sequence[str], own: Path | None = None) -> None:
+def _refuse(found: Sequence[str]) -> None:
     """Raise InfeasibleError where anything is."""
     if not found:
         return
     more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
     raise InfeasibleError(
-        f"{own or 'The plan'} leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
-        hint=f"Nothing was moved. Change these {f'steps of {own.name}' if own else 'windows in the plan'}.",
+        "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
+        hint="Nothing was moved. Change these windows in the plan.",
     )
 
 

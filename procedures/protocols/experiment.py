@@ -1,6 +1,6 @@
 """A procedure on a robot, checked: `checked_experiment` makes one from a plan and a generator of steps."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import FileError
-from procedures.expected.limits import RestLimits, Statics, check_moves, find_route, way_points
+from procedures.expected.limits import RestLimits, Statics, beyond_limits, check_moves, find_route, way_points
 from procedures.expected.nominal_rest import NominalRest
 from procedures.protocols.identify import Route
 from procedures.protocols.listing import Outline
 from procedures.recording.resumption import Resumption
 from procedures.recording.run_folder import check_window_ids
 from procedures.settings import Settings
-from procedures.steps import Lengths, Procedure, Steps
+from procedures.steps import Lengths, Procedure, Step, Steps
 
 T = TypeVar("T")
 
@@ -63,6 +63,8 @@ class Lab:
     swings: bool = False
     """an earlier process has not seen the platform at rest again"""
     memory: Memory = field(default_factory=Memory)
+    beyond: Callable[[Step], Sequence[str]] = lambda step: ()
+    """what of a step leaves the limits of robot and winches"""
 
 
 Make = Callable[[Lab], Steps]
@@ -94,12 +96,13 @@ def checked_experiment(
         return find_route(workspace, start, goal, via)
 
     left = plan if resumption is None else resumption.left_of(plan)
-    lab = Lab(left, robot, settings, route, {})
+    beyond = partial(beyond_limits, robot=robot, workspace=workspace, motion=settings.motion)
+    lab = Lab(left, robot, settings, route, {}, beyond=beyond)
     if resumption is not None:
         lab = replace(lab, attempts=resumption.attempts, recorded=resumption.recorded, swings=resumption.swings)
     procedure: Procedure = partial(make, lab)
     outline = Outline(procedure)
-    check_moves(outline.steps, robot, workspace, settings.motion, own)
+    check_moves(outline.steps, robot, workspace, settings.motion)
     if own is not None and outline.without_verdict:
         raise FileError(
             own,

@@ -19,7 +19,7 @@ from procedures.control import Intervention
 from procedures.interruption import Aborted
 from procedures.protocols.experiment import Lab, Make
 from procedures.protocols.own_checks import mistake, unyielded
-from procedures.steps import Result, Step, Steps
+from procedures.steps import Accept, Record, Result, Step, Steps
 
 PACKAGES = ("drivers", "fidim_lab", "procedures", "sim_backends")
 ROOT = Path(procedures.__file__).resolve().parents[1]
@@ -28,6 +28,8 @@ INSTALLED = (
     *(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")),
 )
 """where no file is of a laboratory's own"""
+MOST_STEPS = 200_000
+"""of one procedure: two days of readings of 1 s; an endless list is refused after some seconds instead of never"""
 HINT = "docs/procedures.md shows a procedure; --debug shows the whole way there."
 
 
@@ -88,16 +90,26 @@ def _not_yielded(error: Exception) -> str:
 def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:
     windows = [window.id for window in lab.plan.windows]
     number = 0
+    recorded: set[str] = set()
     try:
-        step = next(steps, None)
-        while step is not None:
+        step = next(steps)
+        while True:
             number += 1
             line = _yielding(path, steps)
+            if number > MOST_STEPS:
+                raise FileError(path, line, f"more than {MOST_STEPS} steps and no end: a loop without one?", hint=HINT)
             if not isinstance(step, Step):
                 how = ": write `yield from` before a generator" if isinstance(step, Generator) else ""
                 raise FileError(path, line, f"yields {_shown(step)}, which is no step{how}.", hint=HINT)
             if wrong := mistake(step, lab, windows):
                 raise FileError(path, line, f"step {number}, {wrong}.", hint=HINT)
+            if beyond := lab.beyond(step):
+                raise FileError(path, line, f"step {number}, {'; '.join(beyond)}.", hint="It was not begun. Change it.")
+            if isinstance(step, Record):
+                recorded.add(step.window)
+            if isinstance(step, Accept) and step.window not in recorded:
+                wrong = f"step {number}, Accept: nothing of window {step.window} was recorded; yield Record before it"
+                raise FileError(path, line, f"{wrong}.", hint=HINT)
             try:
                 result = yield step
             except Intervention as word:

@@ -6,8 +6,10 @@
 import ast
 import inspect
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
+from enum import Enum
+from functools import cache
 from numbers import Integral, Real
 from types import ModuleType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -58,7 +60,7 @@ def mistake(step: Step, lab: Lab, windows: Sequence[str]) -> str:
     windows: ids that the plan has.
     """
     kind = type(step).__name__
-    hints = get_type_hints(type(step))
+    hints = _hints(type(step))
     for field in fields(step):
         value = getattr(step, field.name)
         if not _fits(value, hints[field.name]):
@@ -72,6 +74,11 @@ def mistake(step: Step, lab: Lab, windows: Sequence[str]) -> str:
     if not step.seconds >= 0:
         return f"{kind}: it would take {step.seconds:g} s"
     return ""
+
+
+@cache
+def _hints(kind: type[Step]) -> Mapping[str, Any]:
+    return get_type_hints(kind)
 
 
 def _fits(value: object, wanted: Any) -> bool:
@@ -107,6 +114,8 @@ def _wanted(value: object, wanted: Any) -> str:
     parts = [part for part in get_args(wanted) if part is not type(None)]
     if get_origin(wanted) in (Union, UnionType) and len(parts) == 1:
         return f"{_wanted(value, parts[0])} or None"
+    if isinstance(wanted, type) and issubclass(wanted, Enum):
+        return f"one of {', '.join(f'{wanted.__name__}.{one.name}' for one in wanted)} ({wanted.__module__})"
     return getattr(wanted, "__name__", str(wanted))
 
 

@@ -14,7 +14,7 @@ from procedures.protocols.listing import Outline
 
 OWN = """from procedures.protocols.beginning import begin
 from procedures.steps import *
-from procedures.outcomes import Outcome
+from procedures.outcomes import Outcome; from fidim_lab.data.records import Role
 
 def helper(window):
     yield {step}
@@ -28,6 +28,7 @@ def procedure(lab):
 """
 MOVE = "yield MoveTo(window=window.id, lengths=goal, speed={}, acceleration=0.2, tolerance=1e-3)"
 SETTLE = "yield Settle(window=window.id, tolerance={}, over=1.0, timeout=8.0)"
+ACCEPT = "yield Accept(window=window.id, attempt=1, role={}, equilibrium=goal, outcome=Outcome.PASS)"
 READ = "yield ReadEncoders(window=window.id, lengths={}, tolerance=5e-3, over={})"
 
 
@@ -59,11 +60,18 @@ def comfortable(lengths):
         (READ.format("list(goal)", 1.0), "a tuple of finite numbers"),
         (
             MOVE.format(9.0),
-            r"own.py leaves .* step \d, window i01, .*speed is 9 m/s, .* .*Change these steps of own.py",
+            r"own.py: line 12: step \d, window i01, .*speed is 9 m/s, .*",
         ),
         (MOVE.format(-0.1), r"step \d, MoveTo: speed is -0.1; more than 0 is needed"),
         (MOVE.format(0), "speed is 0; more than 0 is needed"),
         ("yield Record(window=window.id, seconds=5.0)", "line 12: .*'seconds'. Record takes window, attempt, duration"),
+        ("yield", "line 12: yields None, which is no step"),
+        ("while True:\n            yield Hold(window=window.id)", "line 13: more than 200000 steps and no end"),
+        (ACCEPT.format("Role.IDENTIFY"), r"line 12: step \d, Accept: nothing of window i01 was recorded; yield Record"),
+        (
+            ACCEPT.format("'identify'"),
+            r"role is 'identify'; one of Role.IDENTIFY, .* \(fidim_lab.data.records\) is needed",
+        ),
         ("yield Note(window=window.id, remark='')\n        continue", "procedure: leaves i01, .* without a verdict"),
     ],
 )
@@ -94,6 +102,11 @@ READ_LATE = READ.replace("yield ReadEncoders", "seen = yield ReadEncoders") + "\
     [
         ("seen.values and seen.values[9]", "own.py", r"line 13: IndexError: tuple index out of range"),
         ("mean(seen.values)", "figures.py", r"line 2: TypeError: "),
+        (
+            "seen.values and (" + MOVE.format(9.0) + ")",
+            "own.py",
+            r"line 13: step \d+, window i01, move .*: speed is 9 m/s, the rig's winches may do up to 0.4 m/s",
+        ),
         ("seen.values and (yield Settle(window=window))", "own.py", r"line 13: TypeError: Settle"),
         ("seen.values and (yield Hold(window='i99'))", "own.py", r"line 13: step \d+, Hold: the plan has no window"),
     ],
@@ -106,6 +119,7 @@ def test_a_mistake_that_only_the_run_meets_is_bad_input_of_its_file(use, file, s
     own = tmp_path / "own.py"
     text = OWN.format(line=READ_LATE.format("goal", 1.0, use=use), step="Hold(window=window.id)")
     own.write_text(text.replace("from procedures.outcomes", "from figures import *; from procedures.outcomes"))
+    world.settings = replace(world.settings, motion=replace(world.settings.motion, highest_speed=0.4))
     report = world.run(lab.one, tmp_path / "run", procedure=str(own))
     assert report.exit_code == 2, report.reason
     assert report.outcome is Outcome.ERROR
