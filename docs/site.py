@@ -81,4 +81,5 @@ def text_of(source: Path) -> str:
         return (ROOT / source).read_text(encoding="utf-8")
     language = LANGUAGES.get(source.suffix, "text")
     text = (ROOT / source).read_text(encoding="utf-8")
-    return f"# {PurePosixPath(source)}\n\n`````{language}\n{text}\n`````\n"
+    unsearched = "---\nsearch:\n  exclude: true\n---\n"  # a search is for what explains, not for its sources
+    return f"{unsearched}# {PurePosixPath(source)}\n\n`````{language}\n{text}\n`````\n"

@@ -46,4 +46,4 @@ def test_words_of_the_glossary_are_in_order_and_in_use() -> None:
     assert words == sorted(words)
     assert len(words) > 30
     everything = "\n".join(line for file, _, line in texts() if file != "docs/glossary.md").lower()
-    assert [word for word in words if word.split(" (")[0] not in everything] == []
+    assert [word for word in words if word.split(" (")[0].lower() not in everything] == []

@@ -177,7 +177,7 @@ def _warnings(problem: Problem, estimate: Estimate, windows: tuple[WindowVerdict
         if in_sd[worst] > 1:
             warnings.append(
                 f"Scaling the columns to equal norm (the paper's scaling, used here, is none) would move "
-                f"{PARAMETER_NAMES[worst]} by {estimate.scaling_effect[worst]:.2e}, {in_sd[worst]:.1f} nominal sd."
+                f"{PARAMETER_NAMES[worst]} by {estimate.scaling_effect[worst]:.2e}, {in_sd[worst]:.1f} sd."
             )
     return tuple(warnings)
 
@@ -209,7 +209,7 @@ def _spread_warning(estimate: Estimate) -> list[str]:
     if ratio[worst] < OPTIMISM:
         return []
     return [
-        f"The spread between windows is up to {ratio[worst]:.0f} times the nominal sd ({PARAMETER_NAMES[worst]}): "
+        f"The spread between windows is up to {ratio[worst]:.0f} times the sd ({PARAMETER_NAMES[worst]}): "
         "some windows are worse than others, or the model lacks something; believe the spread."
     ]
 

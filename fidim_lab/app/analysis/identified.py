@@ -75,7 +75,7 @@ def window_table(result: IdentificationResult) -> Table:
     scale = (
         "" if result.sigma_W is None else f"; σ_W = {result.sigma_W:.3g}, so σ⊥ ≈ {expected:.3g} is as good as fitted"
     )
-    table = Table(title=f"Windows (σ⊥ of Eq. 50{scale}; rms and χ²/dof: predicted from the fitted initial state)")
+    table = Table(title=f"Windows (σ⊥: of the equations of motion{scale}; rms and χ²/dof: of the predicted motion)")
     console.columns(table, "window", "role", "pose from", "samples", "σ⊥", "rms, mm", "χ²/dof", "conditioning")
     for window in result.windows:
         table.add_row(*_window_cells(window))

@@ -54,7 +54,13 @@ def dry_run(**options: Any) -> None:
 @click.argument("plan", type=FILE)
 @click.option("--rig", type=FILE, required=True, help="Rig file.")
 @click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
-@click.option("--procedure", default="identify", show_default=True, help="Built-in procedure for a plan.")
+@click.option(
+    "--procedure",
+    default="identify",
+    show_default=True,
+    metavar="NAME|FILE.py",
+    help="Built-in, or your own: docs/procedures.md.",
+)
 @click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
 @click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")

@@ -86,7 +86,7 @@ def _about_stated_sd(found: Reproduction) -> Iterator[str]:
     smaller = int((free.percent < paper.FREE.percent)[:ESSENTIAL].sum())
     yield (
         f"σ% (Eq. 32) takes the errors of W as independent and alike, which they are not: {PARAMETER_NAMES[k]} is off "
-        f"by {errors[k]:.1f} stated sd. Our σ% is below the paper's for {smaller} of {ESSENTIAL} essential parameters."
+        f"by {errors[k]:.1f} sd. Our σ% is below the paper's for {smaller} of {ESSENTIAL} essential parameters."
     )
 
 

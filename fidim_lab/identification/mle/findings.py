@@ -140,7 +140,7 @@ def message(ended: ResultOutcome, found: Fit, figures: Figures) -> str:
         )
     elif eigenvalue > 0:
         far = plain(in_sd) if in_sd <= FAR else f"more than {FAR}"
-        parts.append(f"The nearest body that cannot exist is {far} nominal sd away.")
+        parts.append(f"The nearest body that cannot exist is {far} sd away.")
     if ended is ResultOutcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if figures.unseen:
@@ -183,7 +183,7 @@ def closing(result: IdentificationResult) -> str:
         values = plain(min(held)) if len(held) == 1 else f"{plain(min(held))} to {plain(max(held))}"
         judged = f", and held-out windows with χ²/dof of {values}"
     spread = result.leave_one_out is not None
-    basis = "By the spread between windows" if spread else "By the nominal sd, with too few windows to see a spread,"
+    basis = "By the spread between windows" if spread else "By the sd alone, with too few windows to see a spread,"
     if result.outcome is ResultOutcome.MISFIT:
         return (
             f"The model lacks something: it follows the recordings to {result.noise_ratio:.2g} times their noise"
@@ -195,7 +195,7 @@ def closing(result: IdentificationResult) -> str:
             f"Little is left besides noise{judged}, but more than chance. {basis} {size}. Ask fidim explain what is "
             "missing."
         )
-    alone = "" if spread else ", by the nominal sd alone: too few windows to see a spread"
+    alone = "" if spread else ", by the sd alone: too few windows to see a spread"
     return f"The model explains the recordings to their noise{judged}: {size}{alone}."
 
 
@@ -291,6 +291,6 @@ def _spread_warnings(figures: Figures) -> list[str]:
     if ratio[worst] < OPTIMISM:
         return []
     return [
-        f"The spread between windows is up to {ratio[worst]:.0f} times the nominal sd ({PARAMETER_NAMES[worst]}): "
+        f"The spread between windows is up to {ratio[worst]:.0f} times the sd ({PARAMETER_NAMES[worst]}): "
         "believe the spread."
     ]

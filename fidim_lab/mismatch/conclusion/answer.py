@@ -45,7 +45,7 @@ def _figures(told: Explanation) -> str:
     test = told.test
     chi2 = told.chi2_per_dof if test is None else test.chi2_per_dof
     rms = told.rms_mm if test is None else test.rms_mm
-    which = "windows that also chose the model" if test is None else "test windows, opened once"
+    which = "held-out windows, which also chose the model" if test is None else "test windows, opened once"
     if chi2.after is None or not isfinite(chi2.after) or rms.after is None:
         return "No window was held out to prove it."
     if told.verdict is Verdict.NOTHING_MISSING and told.geometry is None:

@@ -225,5 +225,5 @@ def _shift(found: Selection, named: Candidate) -> str:
     com = 1e3 * float(np.linalg.norm(moved[:3]))
     return (
         f"The centre of mass moved by {com:.3g} mm. {PARAMETER_NAMES[k]} changed most, "
-        f"by {sds[k]:.3g} of its standard deviations in the fit without them."
+        f"by {sds[k]:.3g} of its sd in the fit without them."
     )

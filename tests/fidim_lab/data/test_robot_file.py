@@ -48,6 +48,11 @@ def test_written_file_reads_back_the_same(irma4: Robot, tmp_path: Path) -> None:
         ("nominal_com = [", "nominal_com = [0.0] #", "platform, nominal_com: 1 number is too few, 3 are wanted"),
         ("x = [0, -1, 0]", "x = [0, 1, 0]", "cable 3: x × y is not z"),
         ("x = [0, -1, 0]", "x = [0, -1, 0.1]", "cable 3: x, y, z are not unit vectors"),
+        (
+            "x = [0, -1, 0]",
+            "x = [0, -0.998, 0.05]",
+            "x has length 0.99925172; by z and x: x = [0, -0.998747343, 0.050037442], y = [0, -0.050037442, ",
+        ),
         ("tension = [20.0, 200.0]", "tension = [200.0, 20.0]", "limits: tension: the lower limit 200.0 N"),
         ("mass = 11.0", "mass = [", "is not TOML"),
         ("efficiency = 0.85", "efficiency = 1.2", "efficiency"),

@@ -69,7 +69,7 @@ def test_what_is_held_has_no_spread() -> None:
 @pytest.mark.parametrize(
     ("test", "which"),
     [
-        (None, "χ²/dof 41 → 1.02, 0.1 mm (windows that also chose the model)."),
+        (None, "χ²/dof 41 → 1.02, 0.1 mm (held-out windows, which also chose the model)."),
         (OpenedOnce(Before(30.0, 1.1), Before(0.5, 0.2)), "χ²/dof 30 → 1.1, 0.2 mm (test windows, opened once)."),
     ],
 )
