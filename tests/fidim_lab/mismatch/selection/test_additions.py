@@ -1,5 +1,7 @@
 """Terms that race over as long as a model follows the motion, before any is fitted to the whole."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,8 +13,11 @@ from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection import additions as module
 from fidim_lab.mismatch.selection.additions import Addition, additions
+from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.thresholds import SHARED
+from fidim_lab.model.mechanism import Mechanism
 
 FREQUENCY = 1
 """place of f in θ of a loose mass"""
@@ -34,11 +39,24 @@ class Seen(View):
         return ()
 
 
-def seen(scores: list[Score], *, shortened: bool) -> View:
-    fit = SimpleNamespace(noise_ratio=1.0, likelihood=SimpleNamespace(recordings=()))
-    near = SimpleNamespace(likelihood=SimpleNamespace(recordings=())) if shortened else fit
-    model = SimpleNamespace(tried=(), fit=fit, excess=867.0, thetas=[], mechanism=SimpleNamespace(springs=False))
-    return Seen(model, SimpleNamespace(left=1e6, dof=1e3), tuple(scores), None, near)  # type: ignore[arg-type]
+Looks = Callable[..., View]
+
+
+@pytest.fixture(scope="module")
+def seen(searched: Selection, claim: Callable[..., Candidate]) -> Looks:
+    """These scores, at a model that is far off over whole windows; `shortened`: looked at over a shorter time."""
+
+    def made(
+        scores: list[Score], *, shortened: bool, tried: tuple[Hypothesis, ...] = (), springs: bool = False
+    ) -> View:
+        model = claim(*tried, fitted=867.0).model
+        mechanism = Mechanism(model.mechanism.robot, springs=springs)
+        fit = replace(model.fit, likelihood=replace(model.fit.likelihood, mechanism=mechanism))
+        near = replace(fit, unused={}) if shortened else fit
+        projected = replace(searched.first.projected, left=1e6, dof=1000)
+        return Seen(replace(model, fit=fit), projected, tuple(scores), searched.first.context, near)
+
+    return made
 
 
 def score(tried: Hypothesis, nats: float) -> Score:
@@ -77,13 +95,15 @@ def fits(monkeypatch):
 GROUND = SimpleNamespace(as_far_as=lambda found: "near")
 
 
-def test_where_the_motion_is_followed_nothing_races(every: Hypotheses, fits: list) -> None:
+def test_where_the_motion_is_followed_nothing_races(every: Hypotheses, fits: list, seen: Looks) -> None:
     looked = seen([score(masses(every)[0], 900.0)], shortened=False)
     assert [one.near for one in additions(looked, 3, GROUND, None)] == [None]
     assert fits == []
 
 
-def test_a_mass_is_tried_at_other_frequencies_and_the_first_that_suits_is_taken(every: Hypotheses, fits: list) -> None:
+def test_a_mass_is_tried_at_other_frequencies_and_the_first_that_suits_is_taken(
+    every: Hypotheses, fits: list, seen: Looks
+) -> None:
     loud = sorted(masses(every), key=lambda h: abs(h.absent[FREQUENCY] - 3.2))[:8]  # the score points elsewhere
     assert [h.absent[FREQUENCY] for h in loud].index(2.4) < SELECTION.additions_scanned
     (found,) = additions(seen([score(h, 900.0 - k) for k, h in enumerate(loud)], shortened=True), 3, GROUND, None)
@@ -97,13 +117,13 @@ def test_a_mass_is_tried_at_other_frequencies_and_the_first_that_suits_is_taken(
     assert len(fits) == 1, "what suits at once is not scanned any further"
 
 
-def test_no_more_than_some_values_are_tried(every: Hypotheses, fits: list) -> None:
+def test_no_more_than_some_values_are_tried(every: Hypotheses, fits: list, seen: Looks) -> None:
     wrong = [h for h in masses(every) if h.absent[FREQUENCY] != 2.4]
     additions(seen([score(h, 900.0 - k) for k, h in enumerate(wrong)], shortened=True), 3, GROUND, None)
     assert len(fits) == SELECTION.additions_scanned
 
 
-def test_the_race_decides_not_the_score(every: Hypotheses, fits: list) -> None:
+def test_the_race_decides_not_the_score(every: Hypotheses, fits: list, seen: Looks) -> None:
     """What convinces most over the short time goes on, though the scores have it last; cables that stretch stay."""
     of_id = {h.effect.id: h for h in every.direct}
     first = ["swivel-damping", "air-drag-linear", "anchor-offset", "attachment-friction", "rotational-drag"]
@@ -116,7 +136,7 @@ def test_the_race_decides_not_the_score(every: Hypotheses, fits: list) -> None:
 
 
 def test_cables_that_stretch_take_half_of_the_places_and_failures_none(
-    every: Hypotheses, fits: list, monkeypatch
+    every: Hypotheses, fits: list, monkeypatch, seen: Looks
 ) -> None:
     of_id = {h.effect.id: h for h in every.direct}
     springs = [h for h in every.direct if h.effect.id in ("cable-elasticity", "winch-hold-compliance")][:3]
@@ -133,7 +153,7 @@ def test_cables_that_stretch_take_half_of_the_places_and_failures_none(
 
 
 def test_cables_that_stretch_race_too_where_the_short_time_is_followed(
-    every: Hypotheses, fits: list, monkeypatch
+    every: Hypotheses, fits: list, monkeypatch, seen: Looks
 ) -> None:
     """Stiff cables beside friction: from there they are found in a step, from nothing not at all."""
     of_id = {h.effect.id: h for h in every.direct}
@@ -146,16 +166,18 @@ def test_cables_that_stretch_race_too_where_the_short_time_is_followed(
 
 
 def test_cables_that_stretch_are_not_looked_for_beside_two_terms_that_do_not_follow(
-    every: Hypotheses, fits: list
+    every: Hypotheses, fits: list, seen: Looks
 ) -> None:
     of_id = {h.effect.id: h for h in every.direct}
-    looked = seen([score(of_id["cable-elasticity"], 900.0), score(of_id["rotational-drag"], 890.0)], shortened=True)
-    looked.model.tried = (of_id["cable-mass"], of_id["swivel-damping"])  # type: ignore[misc]
+    scores = [score(of_id["cable-elasticity"], 900.0), score(of_id["rotational-drag"], 890.0)]
+    looked = seen(scores, shortened=True, tried=(of_id["cable-mass"], of_id["swivel-damping"]))
     found = additions(looked, 1, GROUND, None)
     assert [one.score.tried[0].effect.id for one in found] == ["rotational-drag"]
 
 
-def test_where_the_motion_is_followed_terms_begin_from_nothing_but_stiffness(every: Hypotheses, fits: list) -> None:
+def test_where_the_motion_is_followed_terms_begin_from_nothing_but_stiffness(
+    every: Hypotheses, fits: list, seen: Looks
+) -> None:
     """A leap leaves body and states behind: so frictions and the mass of cables were lost, whose scores were right."""
     of_id = {h.effect.id: h for h in every.direct}
     scores = {id: score(of_id[id], 900.0) for id in ("rotational-drag", "cable-elasticity")}
@@ -166,14 +188,15 @@ def test_where_the_motion_is_followed_terms_begin_from_nothing_but_stiffness(eve
         (True, True, "cable-elasticity", 0.1),
         (False, False, "cable-elasticity", 0.1),
     ):
-        looked = seen(list(scores.values()), shortened=shortened)
-        looked.model.mechanism.springs = springs  # type: ignore[misc]
-        Addition(looked, scores[id]).fitted(GROUND, None)  # type: ignore[arg-type]
+        looked = seen(list(scores.values()), shortened=shortened, springs=springs)
+        Addition(looked, scores[id]).fitted(GROUND, None)
         assert fits[-1][0] == (id,)
         assert fits[-1][1][-1][0] == expected
 
 
-def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(every: Hypotheses) -> None:
+def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(
+    every: Hypotheses, seen: Looks
+) -> None:
     """A loose mass whose best scanned value is far from its own says less there than frictions that merely imitate."""
     ids = list(dict.fromkeys(h.effect.id for h in every.direct if h.effect.id != "loose-mass"))
     others = [next(h for h in every.direct if h.effect.id == id) for id in ids][: SHARED.shortlist + 2]
@@ -183,12 +206,12 @@ def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places
     assert found[-1] == "loose-mass"
 
 
-def test_a_model_of_which_nothing_can_be_said_to_first_order_gets_no_additions() -> None:
+def test_a_model_of_which_nothing_can_be_said_to_first_order_gets_no_additions(seen: Looks) -> None:
     nothing = seen([], shortened=False)
     assert nothing.additions(3) == ()
 
 
-def test_one_kind_does_not_fill_the_race(every: Hypotheses) -> None:
+def test_one_kind_does_not_fill_the_race(every: Hypotheses, seen: Looks) -> None:
     """The same friction at each cable is one idea, not five."""
     frictions = [h for h in every.direct if h.effect.id == "attachment-friction"]
     others = [next(h for h in every.direct if h.effect.id == id) for id in ("air-drag-linear", "cable-mass")]

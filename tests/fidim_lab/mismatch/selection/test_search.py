@@ -1,26 +1,30 @@
 """What is united over the first seconds; hands that only a completed model shows."""
 
-from types import SimpleNamespace
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
-from fidim_lab.data.records import Robot
+from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import predict
-from fidim_lab.mismatch.fitting.refit import refit
-from fidim_lab.mismatch.linearised.hypotheses import hypotheses
+from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.selection import search as module
 from fidim_lab.mismatch.selection.budget import Patience
-from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.selection.candidates import Candidate, candidate
 from fidim_lab.mismatch.selection.search import Search
+from fidim_lab.mismatch.selection.select import Selection
 
 
-def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(irma4: Robot) -> None:
-    a, b = hypotheses(irma4).direct[:2]
+def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(
+    quiet: Baseline, claim: Callable[..., Candidate]
+) -> None:
+    a, b = quiet.tried.direct[:2]
     models = [
-        SimpleNamespace(tried=tried, chi2=chi2)
-        for tried, chi2 in [((a,), 100.0), ((a,), 100.2), ((b,), 100.1), ((a,), 140.0), ((a, b), 100.0)]
+        claim(*tried, fitted=left).model
+        for tried, left in [((a,), 1.0), ((a,), 1.00001), ((b,), 1.0), ((a,), 1.01), ((a, b), 1.0)]
     ]
-    assert module._distinct(models) == [models[0], models[2], models[3], models[4]]  # type: ignore[arg-type]
+    assert abs(models[1].chi2 - models[0].chi2) < 1.0 < models[3].chi2 - models[0].chi2
+    assert module._distinct(models) == [models[0], models[2], models[3], models[4]]
 
 
 @pytest.mark.parametrize(
@@ -29,20 +33,23 @@ def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(irma4:
     ids=["a drag that leaves noise", "a drag that leaves more", "a hose that leaves noise"],
 )
 def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
-    irma4: Robot, monkeypatch: pytest.MonkeyPatch, id: str, white: bool, united: bool
+    quiet: Baseline,
+    searched: Selection,
+    claim: Callable[..., Candidate],
+    monkeypatch: pytest.MonkeyPatch,
+    id: str,
+    white: bool,
+    united: bool,
 ) -> None:
     """A hose may have taken the share of another term; a drag has nothing to give back."""
-    term = next(h for h in hypotheses(irma4).direct if h.effect.id == id)
-    fit = SimpleNamespace(chi2_per_dof=1.0)
-    found = SimpleNamespace(tried=(term,), is_white=white, fit=fit, label=id, chi2=1.0)
+    term = next(h for h in quiet.tried.direct if h.effect.id == id)
+    found = claim(term).model
+    monkeypatch.setattr(Completed, "is_white", white)
     asked: list[bool] = []
     monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
-    monkeypatch.setattr(module, "common_scale", lambda _: 1.0)
-    monkeypatch.setattr(module, "more_convincing", lambda best, fresh: None)
-    monkeypatch.setattr(module, "most_convincing", lambda best, fresh: best)
-    search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience(-1.0))  # type: ignore[arg-type]
+    search = Search(quiet, lambda _: None, False, Patience(-1.0))
     monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
-    monkeypatch.setattr(search.trials, "look", lambda _: SimpleNamespace(singles=()))
+    monkeypatch.setattr(search.trials, "look", lambda _: replace(searched.first, singles=()))
     assert search.over_first_seconds(lambda _: False) == [found]
     assert bool(asked) is united
 
