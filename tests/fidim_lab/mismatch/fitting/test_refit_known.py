@@ -1,42 +1,57 @@
 """A search that begins with what an earlier one of nearly the same windows ended with."""
 
-from types import SimpleNamespace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.effects.catalogue import by_id
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
-from fidim_lab.mismatch.fitting.refit import _phases_of, refit
+from fidim_lab.mismatch.fitting.refit import Completed, _phases_of, refit
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.selection.select import Selection, select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
 
 
-def fit_with(ids: list[str], astray: np.ndarray | None) -> SimpleNamespace:
-    recordings = [SimpleNamespace(window=SimpleNamespace(id=id)) for id in ids]
-    states = SimpleNamespace(astray=astray)
-    journey = SimpleNamespace(optimum=SimpleNamespace(point=SimpleNamespace(states=states)))
-    return SimpleNamespace(likelihood=SimpleNamespace(recordings=recordings), journey=journey)
+def seen(fit: Fit, ids: list[str], astray: np.ndarray | None) -> Fit:
+    """The fit with windows of these ids, and what their states ended with."""
+    likelihood, simulation = fit.likelihood, fit.journey.optimum.simulation
+    recordings = zip(likelihood.recordings, ids, strict=False)
+    named = tuple(replace(one, window=replace(one.window, id=id)) for one, id in recordings)
+    point = replace(simulation.point, states=replace(simulation.point.states, astray=astray))
+    optimum = replace(fit.journey.optimum, simulation=replace(simulation, point=point))
+    journey = replace(fit.journey, optimum=optimum)
+    return replace(fit, likelihood=replace(likelihood, recordings=named), journey=journey)
 
 
-def known(astray: np.ndarray | None, *, own_phase: bool) -> SimpleNamespace:
-    term = SimpleNamespace(effect=SimpleNamespace(of_each_window=own_phase))
-    return SimpleNamespace(tried=(term,), fit=fit_with(["i01", "i02"], astray))
+def test_phases_are_carried_along_by_the_windows_ids(quiet: Baseline) -> None:
+    own, same = (
+        next(one for one in by_id(quiet.campaign.robot, "periodic-force") if one.of_each_window is wide)
+        for wide in (True, False)
+    )
 
+    def known(astray: np.ndarray | None, effect: NamedEffect) -> Completed:
+        term = Hypothesis(effect, np.zeros(len(effect.parameters)), ())
+        return Completed((term,), seen(quiet.fit, ["i01", "i02"], astray), whole=True)
 
-def test_phases_are_carried_along_by_the_windows_ids() -> None:
-    donor = fit_with(["i02", "i02, part 2", "i01"], None)
+    donor = seen(quiet.fit, ["i02", "i02, part 2", "i01"], None)
     phases = np.array([[0.1], [0.2]])
-    assert _phases_of(known(phases, own_phase=True), donor).tolist() == [0.2, 0.0, 0.1]
-    assert _phases_of(known(phases, own_phase=False), donor) is None
-    assert _phases_of(known(None, own_phase=True), donor) is None
+    found = _phases_of(known(phases, own), donor)
+    assert found is not None
+    assert found.tolist() == [0.2, 0.0, 0.1]
+    assert _phases_of(known(phases, same), donor) is None
+    assert _phases_of(known(None, own), donor) is None
 
 
-def searched(start: Baseline, **more: object) -> tuple[Selection, list[str]]:
+def searched(start: Baseline, **more: Any) -> tuple[Selection, list[str]]:
     says: list[str] = []
     return select(start, says.append, **more), says
 
