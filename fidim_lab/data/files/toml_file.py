@@ -29,8 +29,8 @@ _TEXTS = re.compile(
 )
 """texts of every kind, and comments; one without its end goes as far as it can, so that nothing is looked at twice"""
 _LONG_NAME = re.compile(rf"(?<![\w'-])(?:[\w'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
-_TOGETHER = 300
-"""characters of the mistakes that are told at once"""
+_TOGETHER = 700
+"""characters of the mistakes that are told at once: a line for each of five cables"""
 _SHOWN = 80
 """characters of a line that is no TOML"""
 _BRACKETS = re.compile(r"[\[\]{}]")

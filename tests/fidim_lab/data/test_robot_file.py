@@ -51,7 +51,8 @@ def test_written_file_reads_back_the_same(irma4: Robot, tmp_path: Path) -> None:
         (
             "x = [0, -1, 0]",
             "x = [0, -0.998, 0.05]",
-            "x has length 0.99925172; by z and x: x = [0, -0.998747343, 0.050037442], y = [0, -0.050037442, ",
+            "cable 3: x, y, z are not unit vectors at right angles; by z and x: "
+            "x = [0, -0.9987473, 0.05003744], y = [0, -0.05003744, -0.9987473], z = [1, 0, 0]",
         ),
         ("tension = [20.0, 200.0]", "tension = [200.0, 20.0]", "limits: tension: the lower limit 200.0 N"),
         ("mass = 11.0", "mass = [", "is not TOML"),
