@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Sensors, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.refusals import together
 from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.judge import Remainder, noise_alone, remainder
@@ -195,7 +196,7 @@ def fit(
     elsewhere = _begun_elsewhere(begun, journey)
     if elsewhere:
         # orientations that nobody read were guessed by rests of the body as it was thought to be
-        known = _begun(mechanism, journey.optimum.point.body, windows, plausible)
+        known = _begun(mechanism, nearest_possible(journey.optimum.point.body), windows, plausible)
         again = _grown(known, prior, hasty=hasty)
         if again is not None and _begun_elsewhere(known, again) < elsewhere:
             begun, journey = known, again
@@ -204,7 +205,7 @@ def fit(
         likelihood=likelihood,
         journey=journey,
         start=body,
-        start_moved=body is not wanted,
+        start_moved=not can_move(wanted),
         unused=begun.unused,
         misfits=tuple(guess.misfit for guess in begun.guesses),
         remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
@@ -217,7 +218,8 @@ def fit(
 def _grown(begun: "_Begun", prior: Prior, *, hasty: bool) -> Journey | None:
     free = np.ones(len(begun.shared), dtype=bool)
     start = Point(begun.shared, begun.likelihood.guesses)
-    return grow(begun.likelihood, start, prior, free, last=ON_THE_WAY if hasty else FINAL, once=hasty)
+    last = ON_THE_WAY if hasty else FINAL
+    return grow(begun.likelihood, start, prior, free, last=last, once=hasty, near=start.body)
 
 
 def _begun_elsewhere(begun: "_Begun", journey: Journey) -> int:

@@ -6,24 +6,24 @@ from jaxtyping import Float
 from fidim_lab.data.records import Body
 from fidim_lab.identification.equations.consistency import pseudo_inertia
 
-SLIMMEST = 0.1
-"""a principal moment about G below this share of the largest is raised to it, at a start only"""
+SLIMMEST = 0.05
+"""a principal second moment about G below this share of the largest is raised to it, at a start only"""
 
 
 def nearest_possible(body: Body) -> Body:
-    """The same centre of mass, and about G the nearest inertia without a moment below SLIMMEST of the largest.
+    """The same centre of mass, and about G the nearest second moments none of which is below SLIMMEST of the largest.
 
-    Principal moments, nearest in the Frobenius norm; the body itself where that holds already.
+    Principal moments ∫ x² dm/m, nearest in the Frobenius norm; the body itself where that holds already.
     """
-    moments, axes = np.linalg.eigh(body.inertia_about_com)
+    spread = 0.5 * np.trace(body.inertia_about_com) * np.eye(3) - body.inertia_about_com
+    moments, axes = np.linalg.eigh(spread)
     floor = SLIMMEST * max(float(moments[-1]), 1e-3 * _gyration(body) ** 2)
     if moments[0] >= floor:
         return body
-    central = (axes * np.maximum(moments, floor)) @ axes.T
-    s = body.com
-    inertia = central + s @ s * np.eye(3) - np.outer(s, s)
+    spread = (axes * np.maximum(moments, floor)) @ axes.T + np.outer(body.com, body.com)
+    inertia = np.trace(spread) * np.eye(3) - spread
     xx, yy, zz, xy, xz, yz = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return Body(com=s, inertia=np.array([xx, yy, zz, xy, xz, yz]))
+    return Body(com=body.com, inertia=np.array([xx, yy, zz, xy, xz, yz]))
 
 
 def scales(body: Body) -> Float[np.ndarray, "9"]:

@@ -12,7 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import lsq_linear
 
+from fidim_lab.data.records import Body
 from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
+from fidim_lab.identification.mle.trajectories.near_body import NearBody
 
 TINY = 1e-300
 """a range must not be empty"""
@@ -37,6 +39,8 @@ class Prior:
     high: Float[np.ndarray, " shared"] | None = None
     firm: int | None = None
     """entries from here on are meant as they are, those before only help to find the way; None: no entry is firm"""
+    near: NearBody | None = None
+    """in place of the entries before `firm`"""
 
     def loosened(self, factor: float) -> "Prior":
         """With standard deviations so many times as large, but for the firm ones."""
@@ -44,9 +48,20 @@ class Prior:
             return replace(self, sd=factor * self.sd)
         return replace(self, sd=np.concatenate([factor * self.sd[: self.firm], self.sd[self.firm :]]))
 
-    def rows(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "shared s"]:
+    def by_existing(self, body: Body) -> "Prior":
+        """With the distance to this body in place of all entries that are not firm."""
+        sd = self.sd.copy()
+        sd[: self.firm] = np.inf
+        return replace(self, sd=sd, near=NearBody(body))
+
+    def rows(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "rows s"]:
         """[J r] of the prior at a point."""
-        return np.column_stack([np.diag(1 / self.sd), (shared - self.mean) / self.sd])
+        rows = np.column_stack([np.diag(1 / self.sd), (shared - self.mean) / self.sd])
+        if self.near is None:
+            return rows
+        wide, of_body = np.zeros((16, rows.shape[1])), self.near.rows(shared[: self.firm])
+        wide[:, : self.firm], wide[:, -1] = of_body[:, :-1], of_body[:, -1]
+        return np.vstack([rows, wide])
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, " shared"], Float[np.ndarray, " shared"]]:
@@ -62,7 +77,7 @@ class Prior:
 
     def cost(self, shared: Float[np.ndarray, " shared"]) -> float:
         """Its part of the sum of squares."""
-        return float((((shared - self.mean) / self.sd) ** 2).sum())
+        return float((self.rows(shared)[:, -1] ** 2).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +109,7 @@ def reduced(tables: Tables, own: int) -> Reduced:
 def step(
     tables: Tables,
     own: int,
-    prior_rows: Float[np.ndarray, "shared s"],
+    prior_rows: Float[np.ndarray, "rows s"],
     damping: float,
     free: Bool[np.ndarray, " shared"],
     room: tuple[np.ndarray, np.ndarray] | None = None,
@@ -126,14 +141,14 @@ class Part:
 
 def step_of_parts(
     parts: Sequence[Part],
-    prior_rows: Float[np.ndarray, "shared s"],
+    prior_rows: Float[np.ndarray, "rows s"],
     damping: float,
     free: Bool[np.ndarray, " shared"],
     room: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[list[Float[np.ndarray, "W own"]], Float[np.ndarray, " shared"], float]:
     """As `step`, of several parts: the steps of their own unknowns, the shared one, the sum of squares foretold."""
-    weight, width = np.sqrt(damping), len(prior_rows)
-    square = np.diag(prior_rows) ** 2
+    weight, width = np.sqrt(damping), prior_rows.shape[1] - 1
+    square = (prior_rows[:, :-1] ** 2).sum(axis=0)
     eliminated: list[Tables] = []
     for part in parts:
         tables, own = part.tables, part.own

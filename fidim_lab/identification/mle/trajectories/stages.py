@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.data.records import Body
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, Simulation, simulate
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import (
@@ -80,6 +81,8 @@ class _Way:
     slack: dict[int, tuple[float, int]]
     last: Effort
     """at full length; before, its pace is asked for too"""
+    near: Body | None
+    """near which to search until the body is known well; None: anywhere"""
     lost: tuple[int, ...] = ()
     whole: tuple[int, ...] = ()
     """recordings that are used to their limit whatever the horizon"""
@@ -106,6 +109,8 @@ class _Way:
         return carry_on(self.likelihood, found, self._prior(horizon), effort, self.free)
 
     def _prior(self, horizon: float) -> Prior:
+        if self.near is not None and horizon < min(EARLY, float(self.limits.max())):
+            return self.prior.by_existing(self.near)
         return self.prior.loosened(1.0 if horizon < EARLY else FAR_PRIOR)
 
 
@@ -118,14 +123,16 @@ def grow(
     last: Effort = FINAL,
     *,
     once: bool = False,
+    near: Body | None = None,
 ) -> Journey | None:
     """The optimum at full length, reached by growing horizons; None where not even the first can be simulated.
 
     last: how hard to try at full length, and at which pace on the way. once: windows that get lost on the way are not
-    tried again.
+    tried again. near: a body that can exist; the first horizons, which hardly determine one, are searched for bodies
+    that can exist, too.
     """
     limits = np.array([recording.end for recording in likelihood.recordings])
-    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last), start, horizons)
+    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last, near), start, horizons)
     if optimum is None:
         return None
     if 0 < len(way.lost) < len(limits) and free.any() and not once:
@@ -140,7 +147,7 @@ def _found_again(
     lost = np.isin(np.arange(len(recorded)), way.lost)
     kept = tuple(int(w) for w in np.flatnonzero(~lost))
     slack = {w: when for w, when in way.slack.items() if not lost[w]}
-    again = replace(way, limits=np.where(lost, recorded, way.limits), slack=slack, lost=(), whole=kept)
+    again = replace(way, limits=np.where(lost, recorded, way.limits), slack=slack, lost=(), whole=kept, near=None)
     again, found = _grown(again, optimum.point, horizons)
     if found is None or len(again.lost) >= len(way.lost):
         return way, optimum
@@ -191,7 +198,7 @@ def _advance(way: _Way, start: Point, before: float, stop: float, effort: Effort
             return way, None
         return _advance(way, halfway.point, between, stop, effort)
     if before == 0:
-        return way, found
+        return way, None if found is None else way.carry_on(found, stop, effort)
     way = replace(
         way,
         limits=np.where(astray, np.minimum(way.limits, before), way.limits),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
-from fidim_lab.identification.equations.consistency import can_move, pseudo_inertia
+from fidim_lab.identification.equations.consistency import can_exist, can_move, pseudo_inertia
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.mle import spread
@@ -138,10 +138,11 @@ def test_open_combinations_are_named():
 
 @settings(max_examples=60, deadline=None)
 @given(arrays(float, 9, elements=st.floats(-0.3, 0.3)))
-def test_the_nearest_possible_body_can_move(values):
+def test_the_nearest_possible_body_can_move_and_exist(values):
     body = Body.from_vector(values)
     nearest = nearest_possible(body)
     assert can_move(nearest)
+    assert can_exist(nearest)
     np.testing.assert_array_equal(nearest.com, body.com)
     assert nearest_possible(nearest) is nearest or np.allclose(nearest_possible(nearest).vector, nearest.vector)
     assert np.all(scales(nearest) > 0)
