@@ -94,6 +94,19 @@ class Measurement:
 
     @property
     def _allowed(self) -> str:
+        if self.outcome is Outcome.MARGINAL:
+            return f"{self._range}, marginal {self._band}"
+        return self._range
+
+    @property
+    def _band(self) -> str:
+        """Where it is marginal: from the limit that it is near to."""
+        low, high = self.low + self.margin, self.high - self.margin
+        below = self.value is not None and self.value < low
+        return f"below {self._shown(low)}{self._unit}" if below else f"above {self._shown(high)}{self._unit}"
+
+    @property
+    def _range(self) -> str:
         low, high = self._shown(self.low), self._shown(self.high)
         if math.isinf(self.low) and math.isinf(self.high):
             return "no limits"

@@ -50,6 +50,10 @@ def test_a_measurement_says_what_was_found_and_what_is_allowed():
     )
     assert Measurement("drift", 0.030004, "m", high=0.03).sentence == "drift is 30.004 mm (at most 30 mm is allowed)"
     assert Measurement("drift", 2.5, "m", high=0.03).sentence == "drift is 2.5 m (at most 0.03 m is allowed)"
+    near = Measurement("drift", 0.0203, "m", high=0.0453, margin=0.0302)
+    assert near.sentence == "drift is 20.3 mm (at most 45.3 mm is allowed, marginal above 15.1 mm)"
+    low = Measurement("tension", 0.306, "N", low=0.0, high=50.0, margin=0.5)
+    assert low.sentence == "tension is 0.306 N (0 to 50 N is allowed, marginal below 0.5 N)"
     assert Measurement("gap", None, "s", high=0.1).sentence == "gap was not measured (at most 0.1 s is allowed)"
 
 

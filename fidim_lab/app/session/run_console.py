@@ -110,7 +110,9 @@ def _print(event: Happening) -> None:
             return
         case "step-started" | "step-finished" | "window-finished":
             pass
+        case kind if kind not in event.text:
+            words = [kind.upper(), *words]
         case _:
-            words = [event.kind.upper(), *words]
+            pass
     says = "  ".join(word for word in words if word)
     console.err.print(f"{event.wall[11:19]}  {event.window:4} {says}", markup=False)
