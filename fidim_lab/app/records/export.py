@@ -90,7 +90,7 @@ def export_command(
 
 def _replayed(path: Path, start: WindowStart) -> float | None:
     """Replay by MuJoCo, where it is installed, and print how far it is from our prediction; that in m."""
-    rms = replay_rms(path.read_text(encoding="utf-8"), start.t, start.marker)
+    rms = replay_rms(read_text(path), start.t, start.marker)
     if rms is None:
         console.out.print("not replayed: MuJoCo is not installed here (pip install mujoco)")
         return None
