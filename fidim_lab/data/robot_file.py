@@ -22,7 +22,9 @@ Vector = tuple[float, float, float]
 Spread = tuple[NotNegative, NotNegative, NotNegative]
 
 AXIS_TOLERANCE = 1e-6
-"""how far x, y, z of a swivel may be from a right-handed orthonormal triad"""
+"""how far x, y, z of a swivel may be from a right-handed orthonormal triad and be taken as they are"""
+ROUNDED = 2e-3
+"""how far they may be by rounding to three digits (1.7e-3 at most): then they are squared, by z and x"""
 
 MOST_CABLES = 5
 """whose held lengths leave a free motion: 6 − n freedoms"""
@@ -81,17 +83,22 @@ class SurveyTable(Table):
     gravity: NotNegative = 0.0
 
 
-def _squared(x: np.ndarray, z: np.ndarray) -> str:
-    """The axes by z and x, to be written instead; where x is along z, the rule alone."""
+def _squared(x: np.ndarray, z: np.ndarray) -> dict[str, list[float]]:
+    """The axes by z and x alone; nothing where x is along z."""
     length = np.linalg.norm(z)
     upright = z / length if length > 0 else z
     across = x - (x @ upright) * upright
     if np.linalg.norm(across) <= AXIS_TOLERANCE:
-        return ": y = z × x"
+        return {}
     level = across / np.linalg.norm(across)
     axes = {"x": level, "y": np.cross(upright, level), "z": upright}
-    written = (f"{name} = [{', '.join(f'{value + 0.0:.7g}' for value in axis)}]" for name, axis in axes.items())
-    return f"; by z and x: {', '.join(written)}"
+    return {name: (axis + 0.0).tolist() for name, axis in axes.items()}
+
+
+def _to_be_written(axes: dict[str, list[float]]) -> str:
+    """In place of what stands in the file."""
+    written = (f"{name} = [{', '.join(f'{value:.7g}' for value in axis)}]" for name, axis in axes.items())
+    return f"; by z and x: {', '.join(written)}" if axes else ": y = z × x"
 
 
 class CableTable(Table):
@@ -110,10 +117,16 @@ class CableTable(Table):
     @model_validator(mode="after")
     def _triad(self) -> "CableTable":
         axes = np.array([self.x, self.y, self.z])
-        if np.abs(axes @ axes.T - np.eye(3)).max() > AXIS_TOLERANCE:
-            raise ValueError(f"x, y, z are not unit vectors at right angles{_squared(axes[0], axes[2])}")
-        if np.abs(np.cross(self.x, self.y) - self.z).max() > AXIS_TOLERANCE:
+        off = np.abs(axes @ axes.T - np.eye(3)).max()
+        by_two = _squared(axes[0], axes[2])
+        if off > ROUNDED or not by_two:
+            raise ValueError(f"x, y, z are not unit vectors at right angles{_to_be_written(by_two)}")
+        turned = np.abs(np.cross(self.x, self.y) - self.z).max()
+        if turned > ROUNDED:
             raise ValueError("x × y is not z: the swivel's axes must be right-handed")
+        if max(off, turned) > AXIS_TOLERANCE:
+            for name, axis in by_two.items():
+                setattr(self, name, tuple(axis))
         return self
 
 

@@ -50,9 +50,9 @@ def test_written_file_reads_back_the_same(irma4: Robot, tmp_path: Path) -> None:
         ("x = [0, -1, 0]", "x = [0, -1, 0.1]", "cable 3: x, y, z are not unit vectors"),
         (
             "x = [0, -1, 0]",
-            "x = [0, -0.998, 0.05]",
+            "x = [0, -0.99, 0.05]",
             "cable 3: x, y, z are not unit vectors at right angles; by z and x: "
-            "x = [0, -0.9987473, 0.05003744], y = [0, -0.05003744, -0.9987473], z = [1, 0, 0]",
+            "x = [0, -0.9987271, 0.05044076], y = [0, -0.05044076, -0.9987271], z = [1, 0, 0]",
         ),
         ("tension = [20.0, 200.0]", "tension = [200.0, 20.0]", "limits: tension: the lower limit 200.0 N"),
         ("mass = 11.0", "mass = [", "is not TOML"),
@@ -67,6 +67,19 @@ def test_each_mistake_is_named(irma4_file: Path, tmp_path: Path, old: str, new: 
     with pytest.raises(FileError, match=re.escape(expected)) as error:
         read_robot(path)
     assert str(path) in str(error.value)
+
+
+def test_axes_rounded_to_three_digits_are_squared(irma4_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "rounded.toml"
+    text = irma4_file.read_text()
+    exact = "x = [0, -1, 0]\ny = [0, 0, -1]"
+    assert text.count(exact) == 1
+    path.write_text(text.replace(exact, "x = [0, -0.999, 0.05]\ny = [0, -0.05, -0.999]"))
+    cable = read_robot(path).cables[2]
+    axes = np.array([cable.x, cable.y, cable.z])
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.cross(cable.x, cable.y), cable.z, atol=1e-12)
+    np.testing.assert_allclose(cable.x, [0, -0.999, 0.05], atol=1e-3)
 
 
 def test_all_mistakes_are_reported_at_once(irma4_file: Path, tmp_path: Path) -> None:
