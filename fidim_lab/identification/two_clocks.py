@@ -33,6 +33,10 @@ class TwoClocks:
     header: float
     """Hz, by campaign.toml"""
 
+    def nearest(self, rate: float) -> float:
+        """That of the two which is nearer to a rate, Hz."""
+        return min((self.stamps, self.header), key=lambda one: abs(rate / one - 1))
+
 
 def two_clocks(campaign: Campaign) -> TwoClocks | None:
     """Where header and stamps, as recorded, differ alike in all windows; else None."""
@@ -57,12 +61,15 @@ def by_both(
 ) -> IdentificationResult:
     """The better of both answers, or the first with standard deviations that hold the other.
 
-    cleaned: what is identified; its stamps are the recorded ones, or were put on the header's grid.
+    cleaned: what is identified; the stamps of each window are the recorded ones, or were put on the header's grid.
     """
-    now = 1.0 / float(np.median([mean_step(np.arange(len(w.t)), w.t) for w in cleaned.windows if _whole(w.t)]))
-    other = clocks.header if abs(now / clocks.stamps - 1) < abs(now / clocks.header - 1) else clocks.stamps
-    first = identify(cleaned)
-    second = identify(_stretched(cleaned, now / other))
+    by_window = {w.id: _clock_of(w.t, clocks) for w in cleaned.windows if _whole(w.t)}
+    now = clocks.nearest(float(np.median(list(by_window.values()))))
+    other = clocks.header if now == clocks.stamps else clocks.stamps
+    first, second = (
+        identify(_stretched(cleaned, {w.id: by_window.get(w.id, now) / rate for w in cleaned.windows}))
+        for rate in (now, other)
+    )
     said = f"The time stamps say {clocks.stamps:.6g} Hz, campaign.toml says {clocks.header:.6g} Hz. "
     usual = max(1.0, min(one.noise_ratio or 1.0 for one in (first, second)) ** 2)
     unlike = {w.id for one in (first, second) for w in one.windows if w.chi2_per_dof is None}
@@ -80,8 +87,16 @@ def by_both(
     return replace(_widened(first, second), warnings=(said, *first.warnings))
 
 
-def _stretched(campaign: Campaign, factor: float) -> Campaign:
-    windows = tuple(replace(w, t=w.t[0] + factor * (w.t - w.t[0])) for w in campaign.windows)
+def _clock_of(t: np.ndarray, clocks: TwoClocks) -> float:
+    """Hz, of a window as it stands."""
+    return clocks.nearest(1.0 / mean_step(np.arange(len(t)), t))
+
+
+def _stretched(campaign: Campaign, factors: dict[str, float]) -> Campaign:
+    """Each window's time by its own factor; the campaign itself where all are 1."""
+    if all(factor == 1.0 for factor in factors.values()):
+        return campaign
+    windows = tuple(replace(w, t=w.t[0] + factors[w.id] * (w.t - w.t[0])) for w in campaign.windows)
     return replace(campaign, windows=windows)
 
 

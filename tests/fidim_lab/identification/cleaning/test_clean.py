@@ -246,6 +246,22 @@ def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(record
     assert "The time stamps say 99.9001 Hz, campaign.toml says 100 Hz" in " ".join(found.warnings)
 
 
+def test_a_window_that_was_retimed_by_the_header_is_not_stretched_once_more(recorded: Make, true_body):
+    """The others keep their stamps: two clocks in one campaign, each brought to the same rate."""
+    campaign = recorded(noise=NOISE)
+    late = np.random.default_rng(5).exponential(3e-3, len(campaign.windows[0].t))
+    windows = [replace(w, t=1.003 * w.t) for w in campaign.windows]
+    windows[0] = replace(
+        windows[0], t=np.maximum.accumulate(np.round(windows[0].t + late, 6) + 1e-6 * np.arange(len(late)))
+    )
+    found = identify(replace(campaign, windows=tuple(windows)), Method.MLE)
+    errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
+    assert "are times of arrival" in " ".join(found.warnings)
+    assert "The recordings are explained better with 100 Hz" in " ".join(found.warnings)
+    assert all(window.used for window in found.windows)
+    assert max(errors) < 3.5
+
+
 def test_a_rate_is_read_from_all_stamps_where_their_last_digit_hides_it_in_one_step(recorded: Make, true_body):
     """The median step is that of the header then."""
     campaign = recorded(noise=NOISE)
