@@ -68,6 +68,12 @@ class Body:
         """The body of nine base parameters in the order of PARAMETER_NAMES."""
         return Body(com=np.array(values[:3], dtype=float), inertia=np.array(values[3:9], dtype=float))
 
+    @staticmethod
+    def from_about_com(com: Vector3, inertia: Matrix3) -> "Body":
+        """The body of com (m, from P) and I′ about G (m², symmetric), by the parallel-axis theorem."""
+        about_p = inertia + (com @ com) * np.eye(3) - np.outer(com, com)
+        return Body(com=com, inertia=about_p[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+
     @property
     def inertia_matrix(self) -> Matrix3:
         """I′ about P as a symmetric matrix, m²."""

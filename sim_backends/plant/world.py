@@ -92,8 +92,7 @@ def hidden_body(robot: Robot, rng: np.random.Generator) -> Body:
         axes = rotation(rng.normal(0.0, 0.02, 3)) @ axes
         about_com = axes @ np.diag(moments) @ axes.T
         if exists(about_com):
-            about_p = about_com + (com @ com) * np.eye(3) - np.outer(com, com)
-            return Body(com=com, inertia=about_p[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+            return Body.from_about_com(com, about_com)
     raise SetupError(
         f"The robot's nominal inertia {np.array2string(nominal.inertia, precision=4)} m² about P belongs to no body "
         "that can exist, nor to one near it.",

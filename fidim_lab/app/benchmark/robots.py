@@ -68,5 +68,4 @@ def _body(paper: Body, rng: np.random.Generator, spread: float, turn: Matrix3) -
     """Centre of mass and inertia about P of a body `spread` times as large, its moments about G changed one by one."""
     com: Vector3 = turn @ (spread * paper.com + rng.normal(0.0, [5e-3, 5e-3, 0.012], 3))
     moments = spread**2 * np.diag(paper.inertia_about_com) * rng.uniform(0.85, 1.2, 3)
-    about_p = turn @ np.diag(moments) @ turn.T + (com @ com) * np.eye(3) - np.outer(com, com)
-    return Body(com=com, inertia=about_p[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+    return Body.from_about_com(com, turn @ np.diag(moments) @ turn.T)

@@ -129,11 +129,10 @@ def read_config(path: Path, markers: np.ndarray) -> Robot:
     axis = _numbers(path, platform, "gravity_axis", 3)
     if mass <= 0.0 or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-3):
         raise FileError(path, "platform", "mass must be positive and gravity_axis a unit vector")
-    about_p = about_com / mass + (com @ com) * np.eye(3) - np.outer(com, com)
     return Robot(
         cables=tuple(_cable(path, actuator) for actuator in active),
         mass=mass,
-        nominal=Body(com, about_p[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
+        nominal=Body.from_about_com(com, about_com / mass),
         marker=markers[0],
         extra_markers=tuple(markers[1:]),
         gravity=-GRAVITY * axis / np.linalg.norm(axis),

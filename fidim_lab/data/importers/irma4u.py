@@ -122,11 +122,10 @@ def read_geometry(path: Path) -> Robot:
     about_com = platform.array("InertialMatrix", 3, 3)
     if np.linalg.eigvalsh(about_com)[0] <= 0.0 or not np.allclose(about_com, about_com.T):
         raise FileError(path, "s.EndEffector.Platform.InertialMatrix", "is not symmetric and positive definite")
-    about_p = about_com / mass + (com @ com) * np.eye(3) - np.outer(com, com)
     return Robot(
         cables=tuple(_cable(pulley, a) for pulley, a in zip(pulleys, attachments, strict=True)),
         mass=mass,
-        nominal=Body(com, about_p[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
+        nominal=Body.from_about_com(com, about_com / mass),
         marker=np.zeros(3),
         gravity=np.array([0.0, 0.0, -GRAVITY]),
     )

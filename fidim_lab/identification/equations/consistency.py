@@ -9,6 +9,7 @@ reported as such and not refused: a wrong assumption elsewhere (a simulated body
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.arrays import Matrix3
 from fidim_lab.data.records import Body
 
 BARRIER = 0.5
@@ -23,11 +24,15 @@ ALLOWED = 3.0
 
 def pseudo_inertia(body: Body) -> Float[np.ndarray, "4 4"]:
     """[Σ′ s′; s′ᵀ 1] per unit mass, Σ′ = ½ tr(I′) 1 − I′, body frame about P."""
-    inertia = body.inertia_matrix
     out = np.ones((4, 4))
-    out[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    out[:3, :3] = second_moments(body.inertia_matrix)
     out[:3, 3] = out[3, :3] = body.com
     return out
+
+
+def second_moments(inertia: Matrix3) -> Matrix3:
+    """∫ x xᵀ dm / m of an inertia matrix about the same point, m²."""
+    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
 
 
 def can_exist(body: Body) -> bool:

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Body
-from fidim_lab.identification.equations.consistency import pseudo_inertia
+from fidim_lab.identification.equations.consistency import pseudo_inertia, second_moments
 
 SLIMMEST = 0.05
 """a principal second moment about G below this share of the largest is raised to it, at a start only"""
@@ -15,15 +15,13 @@ def nearest_possible(body: Body) -> Body:
 
     Principal moments ∫ x² dm/m, nearest in the Frobenius norm; the body itself where that holds already.
     """
-    spread = 0.5 * np.trace(body.inertia_about_com) * np.eye(3) - body.inertia_about_com
+    spread = second_moments(body.inertia_about_com)
     moments, axes = np.linalg.eigh(spread)
     floor = SLIMMEST * max(float(moments[-1]), 1e-3 * _gyration(body) ** 2)
     if moments[0] >= floor:
         return body
-    spread = (axes * np.maximum(moments, floor)) @ axes.T + np.outer(body.com, body.com)
-    inertia = np.trace(spread) * np.eye(3) - spread
-    xx, yy, zz, xy, xz, yz = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return Body(com=body.com, inertia=np.array([xx, yy, zz, xy, xz, yz]))
+    spread = (axes * np.maximum(moments, floor)) @ axes.T
+    return Body.from_about_com(body.com, np.trace(spread) * np.eye(3) - spread)
 
 
 def scales(body: Body) -> Float[np.ndarray, "9"]:
