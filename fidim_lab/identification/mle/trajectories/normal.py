@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import lsq_linear
 
-from fidim_lab.data.records import Body
 from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
 from fidim_lab.identification.mle.trajectories.near_body import NearBody
 
@@ -48,18 +47,19 @@ class Prior:
             return replace(self, sd=factor * self.sd)
         return replace(self, sd=np.concatenate([factor * self.sd[: self.firm], self.sd[self.firm :]]))
 
-    def by_existing(self, body: Body) -> "Prior":
-        """With the distance to this body in place of all entries that are not firm."""
+    def by_existing(self, near: NearBody) -> "Prior":
+        """With the distance to a body in place of all entries that are not firm."""
         sd = self.sd.copy()
         sd[: self.firm] = np.inf
-        return replace(self, sd=sd, near=NearBody(body))
+        return replace(self, sd=sd, near=near)
 
     def rows(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "rows s"]:
         """[J r] of the prior at a point."""
         rows = np.column_stack([np.diag(1 / self.sd), (shared - self.mean) / self.sd])
         if self.near is None:
             return rows
-        wide, of_body = np.zeros((16, rows.shape[1])), self.near.rows(shared[: self.firm])
+        of_body = self.near.rows(shared[: self.firm])
+        wide = np.zeros((len(of_body), rows.shape[1]))
         wide[:, : self.firm], wide[:, -1] = of_body[:, :-1], of_body[:, -1]
         return np.vstack([rows, wide])
 
@@ -77,7 +77,10 @@ class Prior:
 
     def cost(self, shared: Float[np.ndarray, " shared"]) -> float:
         """Its part of the sum of squares."""
-        return float((self.rows(shared)[:, -1] ** 2).sum())
+        independent = float((((shared - self.mean) / self.sd) ** 2).sum())
+        if self.near is None:
+            return independent
+        return independent + float((self.near.residual(shared[: self.firm]) ** 2).sum())
 
 
 @dataclass(frozen=True, eq=False)

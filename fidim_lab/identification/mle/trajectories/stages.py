@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import Body
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, Simulation, simulate
+from fidim_lab.identification.mle.trajectories.near_body import NearBody
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import (
     ASTRAY,
@@ -81,8 +82,8 @@ class _Way:
     slack: dict[int, tuple[float, int]]
     last: Effort
     """at full length; before, its pace is asked for too"""
-    near: Body | None
-    """near which to search until the body is known well; None: anywhere"""
+    near: NearBody | None
+    """a body near which to search until it is known well; None: anywhere"""
     lost: tuple[int, ...] = ()
     whole: tuple[int, ...] = ()
     """recordings that are used to their limit whatever the horizon"""
@@ -132,7 +133,8 @@ def grow(
     that can exist, too.
     """
     limits = np.array([recording.end for recording in likelihood.recordings])
-    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last, near), start, horizons)
+    nearby = None if near is None else NearBody(near)
+    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last, nearby), start, horizons)
     if optimum is None:
         return None
     if 0 < len(way.lost) < len(limits) and free.any() and not once:
