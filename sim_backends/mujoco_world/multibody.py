@@ -37,19 +37,19 @@ def multibody_xml(world: World, pose: Pose) -> str:
     Body `platform` (the first, with a free joint at P), tendon and equality i hold cable i; forces are not in it.
     """
     cables = list(enumerate(world.cables))
-    attachments = "".join(f'<site name="a{i}" pos="{_text(cable.a)}"/>' for i, cable in cables)
+    attachments = "".join(f'<site name="a{i}" pos="{numbers(cable.a)}"/>' for i, cable in cables)
     swivels = "".join(_swivel(i, cable, pose.position + pose.rotation @ cable.a) for i, cable in cables)
     quaternion = Rotation.from_matrix(pose.rotation).as_quat(scalar_first=True)
     held = "".join(f'<tendon tendon1="cable{i}" polycoef="0 0 0 0 0" {STIFF}/>' for i, _ in cables)
     guides = "".join(f'<tendon tendon1="left{i}" tendon2="right{i}" polycoef="0 1 0 0 0" {STIFF}/>' for i, _ in cables)
     return f"""<mujoco>
-  <option timestep="{STEP}" integrator="RK4" gravity="{_text(world.gravity)}" tolerance="1e-12" iterations="100">
+  <option timestep="{STEP}" integrator="RK4" gravity="{numbers(world.gravity)}" tolerance="1e-12" iterations="100">
     <flag contact="disable" refsafe="disable"/></option>
   <compiler autolimits="false" balanceinertia="false"/>
   <worldbody>
-    <body name="platform" pos="{_text(pose.position)}" quat="{_text(quaternion)}">
+    <body name="platform" pos="{numbers(pose.position)}" quat="{numbers(quaternion)}">
       <freejoint/>
-      <inertial pos="{_text(world.body.com)}" mass="{world.mass:.17g}" fullinertia="{_text(_inertia(world))}"/>
+      <inertial pos="{numbers(world.body.com)}" mass="{world.mass:.17g}" fullinertia="{numbers(_inertia(world))}"/>
       {attachments}
     </body>
     {swivels}
@@ -65,7 +65,7 @@ def _swivel(number: int, cable: Cable, attachment: Vector3) -> str:
     u = c - (c @ cable.z) * cable.z
     u /= np.linalg.norm(u)
     return f"""
-    <body name="swivel{number}" pos="{_text(cable.d)}" xyaxes="{_text(u)} {_text(np.cross(cable.z, u))}">
+    <body name="swivel{number}" pos="{numbers(cable.d)}" xyaxes="{numbers(u)} {numbers(np.cross(cable.z, u))}">
       {SWIVEL}<joint type="hinge" axis="0 0 1"/>{_pulley(number, cable.radius)}
       <site name="left{number}" pos="0 {GUIDE} 0"/><site name="right{number}" pos="0 {-GUIDE} 0"/>
     </body>"""
@@ -77,7 +77,7 @@ def _pulley(number: int, r: float) -> str:
     side = (r - 1.5 * r * np.cos(SIDE_ANGLE), 0.0, 1.5 * r * np.sin(SIDE_ANGLE))
     return (
         f'<geom name="pulley{number}" type="cylinder" size="{r:.17g} 0.02" pos="{r:.17g} 0 0" zaxis="0 1 0"/>'
-        f'<site name="entry{number}" pos="0 0 {-BEFORE_ENTRY}"/><site name="side{number}" pos="{_text(side)}"/>'
+        f'<site name="entry{number}" pos="0 0 {-BEFORE_ENTRY}"/><site name="side{number}" pos="{numbers(side)}"/>'
     )
 
 
@@ -98,5 +98,6 @@ def _inertia(world: World) -> np.ndarray:
     return world.mass * world.body.inertia_about_com[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def _text(values: object) -> str:
+def numbers(values: object) -> str:
+    """Floats as MJCF has them, to the bit."""
     return " ".join(f"{value:.17g}" for value in np.ravel(np.asarray(values, dtype=float)))

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.arrays import Positions, Vector3
 from fidim_lab.data.records import Body, Cable, Pose
-from sim_backends.mujoco_world.multibody import multibody_xml
+from sim_backends.mujoco_world.multibody import multibody_xml, numbers
 from sim_backends.plant.world import World
 
 
@@ -36,14 +36,14 @@ def multibody_mjcf(made: Multibody) -> str:
     """
     world = World(made.cables, made.mass, made.body, made.markers, made.gravity, None)
     text = multibody_xml(world, made.pose)
-    sites = "".join(f'<site name="marker{k}" pos="{_text(place)}"/>' for k, place in enumerate(made.markers))
+    sites = "".join(f'<site name="marker{k}" pos="{numbers(place)}"/>' for k, place in enumerate(made.markers))
     end = text.index("</body>")
     text = f"{text[:end].rstrip()}\n      {sites}\n    {text[end:]}"
     quaternion = Rotation.from_matrix(made.pose.rotation).as_quat(scalar_first=True)
     place = [*made.pose.position, *quaternion, *np.zeros(len(made.cables))]
     spin = made.pose.rotation.T @ made.twist[3:]
     rates = [*made.twist[:3], *spin, *(_swivel_rate(cable, made.pose, made.twist) for cable in made.cables)]
-    key = f'<keyframe><key name="start" qpos="{_text(place)}" qvel="{_text(rates)}"/></keyframe>'
+    key = f'<keyframe><key name="start" qpos="{numbers(place)}" qvel="{numbers(rates)}"/></keyframe>'
     return text.replace("</mujoco>", f"  {key}\n</mujoco>\n")
 
 
@@ -53,7 +53,3 @@ def _swivel_rate(cable: Cable, pose: Pose, twist: np.ndarray) -> float:
     c, rate = pose.position + arm - cable.d, twist[:3] + np.cross(twist[3:], arm)
     across = c - (c @ cable.z) * cable.z
     return float(np.cross(across, rate) @ cable.z / (across @ across))
-
-
-def _text(values: object) -> str:
-    return " ".join(f"{value:.17g}" for value in np.ravel(np.asarray(values, dtype=float)))

@@ -12,17 +12,16 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.io
 
-from fidim_lab.app.compose.multibody_replay import replay_rms
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.body_text import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.formats.manifest import EXPORTS
-from fidim_lab.app.records.export_robot import WindowStart, robot_mjcf, robot_model, robot_python, start_of
 from fidim_lab.app.records.export_unfinished import export_unfinished
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import INDEX, ROBOT, read_campaign, write_campaign
@@ -32,6 +31,9 @@ from fidim_lab.data.records import Window
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
+
+if TYPE_CHECKING:  # the mechanism takes half a second to import, and most exports need none
+    from fidim_lab.app.records.export_robot import WindowStart
 
 RESULT = "result.json"
 MOST_RMS = 1e-3
@@ -58,8 +60,9 @@ def export_command(
     json_file: Path | None = None,
     robot: tuple[Path, str | None] | None = None,
 ) -> int:
-    """Export and say where; returns 0. Raises FileError for a wrong source, SetupError for options that cannot be.
+    """Export and say where; returns 0, or 1 for an MJCF that does not move as the model that was found.
 
+    Raises FileError for a wrong source, SetupError for options that cannot be.
     robot: the folder that a result or explanation is of, and the window with whose start the whole robot begins.
     """
     unfinished_files: list[dict[str, str]] = []
@@ -88,8 +91,10 @@ def export_command(
     return 1 if rms is not None and rms > MOST_RMS else 0
 
 
-def _replayed(path: Path, start: WindowStart) -> float | None:
+def _replayed(path: Path, start: "WindowStart") -> float | None:
     """Replay by MuJoCo, where it is installed, and print how far it is from our prediction; that in m."""
+    from fidim_lab.app.compose.multibody_replay import replay_rms
+
     rms = replay_rms(read_text(path), start.t, start.marker)
     if rms is None:
         console.out.print("not replayed: MuJoCo is not installed here (pip install mujoco)")
@@ -103,20 +108,22 @@ def _replayed(path: Path, start: WindowStart) -> float | None:
 
 def _export_result(
     source: Path, kind: str, out: Path | None, mass: float | None, robot: tuple[Path, str | None] | None
-) -> tuple[Path, WindowStart | None]:
+) -> tuple[Path, "WindowStart | None"]:
     suffix, make = _OF_RESULT[kind]
     text, start = (make(read_result(source), mass), None) if robot is None else _robot(source, kind, mass, *robot)
     path = _free(out or source.parent / EXPORTS / f"{source.stem}{suffix}")
     return _written(path, lambda: path.write_text(text, encoding="utf-8")), start
 
 
-def _robot(source: Path, kind: str, mass: float | None, folder: Path, window: str | None) -> tuple[str, WindowStart]:
+def _robot(source: Path, kind: str, mass: float | None, folder: Path, window: str | None) -> tuple[str, "WindowStart"]:
     """The robot with its cables, from where a window begins; the mass is that of its file unless given.
 
     Raises SetupError for other kinds.
     """
     if kind not in ("mjcf", "python"):
         raise SetupError(f"--campaign makes the whole robot, which {kind} cannot hold; mjcf and python can.")
+    from fidim_lab.app.records.export_robot import robot_mjcf, robot_model, robot_python, start_of
+
     campaign = read_campaign(folder)
     model = robot_model(source, campaign)
     start = start_of(model, campaign, window)

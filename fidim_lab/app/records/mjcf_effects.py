@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from fidim_lab.app.compose.multibody import numbers
 from fidim_lab.arrays import Vector3
 from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
@@ -29,11 +30,9 @@ SPHERE = 0.05
 THIN = 1e-9
 """kg/m³ of its fluid: so little that nothing else feels it, nor the sphere what it displaces"""
 
-LIGHT = 1e-8
-"""kg m², of a swivel that has no inertia (`sim_backends.mujoco_world.multibody.SWIVEL`)"""
 SOFT = 1e4
 """1/(kg m²), MuJoCo's regularisation of dry friction: its share of the acceleration then is small against that of the
-rate; with a swivel of `LIGHT` the least that MuJoCo allows"""
+rate; with a swivel as light as ours the least that MuJoCo allows"""
 
 
 class MjcfModel:
@@ -86,16 +85,20 @@ class MjcfModel:
         felt = {"fluidshape": "ellipsoid", "fluidcoef": numbers([blunt, 0, angular, 0, 0])}
         ElementTree.SubElement(self.platform, "geom", sphere | felt)
 
-    def _one(self, path: str) -> ElementTree.Element:
-        found = self.root.find(path)
+    def _one(self, path: str, within: ElementTree.Element | None = None) -> ElementTree.Element:
+        found = (self.root if within is None else within).find(path)
         if found is None:
             raise OurBugError(f"The robot's MJCF has no {path}.")
         return found
 
     def text(self) -> str:
         """As a file holds it."""
-        for hinge in self.root.findall("./worldbody/body/joint[@frictionloss]"):
-            inertia = LIGHT + float(hinge.get("armature", "0"))
+        for swivel in self.root.findall("./worldbody/body"):
+            hinge = swivel.find("joint[@frictionloss]")
+            if hinge is None:
+                continue
+            own = self._one("inertial", swivel).get("diaginertia", "").split()[2]
+            inertia = float(own) + float(hinge.get("armature", "0"))
             # MuJoCo has −(damping · rate + acceleration) / SOFT up to the loss; ours is loss · rate / DRY_RATE
             impedance = 1 / (1 + SOFT * inertia)
             damping = SOFT * float(hinge.get("frictionloss", "0")) / DRY_RATE
@@ -103,11 +106,6 @@ class MjcfModel:
             hinge.set("solimpfriction", numbers([impedance, impedance, 1e-3]))
         ElementTree.indent(self.root)
         return ElementTree.tostring(self.root, encoding="unicode") + "\n"
-
-
-def numbers(values: object) -> str:
-    """Floats as MJCF has them, to the bit."""
-    return " ".join(f"{value:.17g}" for value in np.ravel(np.asarray(values, dtype=float)))
 
 
 def _drag(model: MjcfModel, effect: NamedEffect, theta: np.ndarray) -> None:
