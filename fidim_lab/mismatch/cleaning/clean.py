@@ -23,8 +23,12 @@ from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.identification.markers.neighbours import noise_of
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
-from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.say import Say
+
+MOVES = 1.5
+"""times their noise by fourth differences, up to which markers do not move: 1 is noise alone"""
+FEWEST = 5
+"""samples, without more of which fourth differences say nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +95,19 @@ def _refuse_stillness(campaign: Campaign) -> None:
     """Raise RefusedError where no window of role `identify` shows more motion than scatter."""
     windows = campaign.of_role(Role.IDENTIFY)
     ratios = {window.id: ratio for window in windows if (ratio := _motion_over_noise(window)) is not None}
-    if not ratios or max(ratios.values()) > SHARED.usual or len(ratios) < len(windows):
+    if not ratios or max(ratios.values()) > MOVES or len(ratios) < len(windows):
         return
     best = max(ratios, key=lambda id: ratios[id])
     raise RefusedError(
         f"Nothing swings in the {len(windows)} windows of role identify: markers move at most {ratios[best]:.2g} times "
-        f"their own scatter from sample to sample (window {best}); more than {SHARED.usual:g} times is needed.",
+        f"their own scatter from sample to sample (window {best}); more than {MOVES:g} times is needed.",
         hint="Record windows in which the platform swings freely, and check that the markers are those of this rig.",
     )
 
 
 def _motion_over_noise(window: Window) -> float | None:
     """rms of all marker coordinates about their means over their noise by fourth differences; None if unknown."""
-    if len(window.t) <= 5:
+    if len(window.t) <= FEWEST:
         return None
     columns = even_grid(window.t).spread(window.markers.reshape(len(window.t), -1))
     noise = noise_of(columns)

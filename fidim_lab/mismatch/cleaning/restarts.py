@@ -27,6 +27,9 @@ from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.mismatch.thresholds import SHARED
 
+UNSEEN = 1e-11
+"""of the largest eigenvalue of scaled normal equations, below which a direction is not seen at all"""
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -201,5 +204,5 @@ def taken(normal: Float[np.ndarray, "P m m"], right: Float[np.ndarray, "P m"]) -
     scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
     values, vectors = np.linalg.eigh(normal * scale[:, :, np.newaxis] * scale[:, np.newaxis])
     along = (np.swapaxes(vectors, 1, 2) @ (right * scale)[..., np.newaxis])[..., 0]
-    seen = values > 1e-11 * values[:, -1:]
+    seen = values > UNSEEN * values[:, -1:]
     return (np.where(seen, along**2, 0.0) / np.where(seen, values, 1.0)).sum(axis=1)

@@ -10,9 +10,10 @@ from math import isfinite
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, ShortAnswer, Verdict
-from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, plain
 
+MOST_CAUSES = 3
+"""told in a part; the tables have all"""
 MOST_SIZES = 2
 """parameters told of each"""
 MOST_MEMBERS = 2
@@ -58,7 +59,7 @@ def _certain(told: Explanation) -> Iterable[str]:
     """Single names with their sizes, classes by what they share, and the geometry."""
     yield from (reading.says for reading in told.readings)
     drifts = {reading.id for reading in told.readings}
-    for cause in [cause for cause in told.effects if cause.id not in drifts][: SHARED.most_terms]:
+    for cause in [cause for cause in told.effects if cause.id not in drifts][:MOST_CAUSES]:
         if cause.single:
             yield f"{_name(cause)}{_sizes(cause.parameters)}."
         else:
@@ -75,7 +76,7 @@ def _certain(told: Explanation) -> Iterable[str]:
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
     """Classes, each with its members' sizes and weights, in words."""
-    for cause in [cause for cause in effects if not cause.single][: SHARED.most_terms]:
+    for cause in [cause for cause in effects if not cause.single][:MOST_CAUSES]:
         members = [f"{_name(cause)}{_sizes(cause.parameters)}"]
         for member in cause.likely[:MOST_MEMBERS]:
             members.append(f"{member.id}{_sizes(member.parameters)}")

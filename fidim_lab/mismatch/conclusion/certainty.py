@@ -12,7 +12,7 @@ from itertools import combinations
 from fidim_lab.effects.equivalences import holds_others, shared_by
 from fidim_lab.effects.without_term import HandContact
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
-from fidim_lab.mismatch.thresholds import SHARED
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 
 
 def only_certain(told: Explanation) -> Explanation:
@@ -25,6 +25,6 @@ def only_certain(told: Explanation) -> Explanation:
     laws = [cause for cause in told.effects if cause.id != HandContact.id]
     alike = any(shared_by((one.id, other.id)) for one, other in combinations(told.effects, 2))
     rivalled = any(holds_others(cause.id) or not cause.single for cause in laws)
-    few = len(laws) < SHARED.most_terms
+    few = len(laws) < CONCLUSION.certainty_many
     certain = told.verdict is Verdict.EXPLAINED and few and not alike and not rivalled
     return replace(told, effects=tuple(replace(one, single=one.single and certain) for one in told.effects))

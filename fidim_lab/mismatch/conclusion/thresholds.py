@@ -7,7 +7,10 @@ from dataclasses import dataclass
 class ConclusionThresholds:
     """One field for each decision."""
 
-    # merge_cleaning
+    # certainty
+    certainty_many: int = 3
+    """effects, of which none is told as the only one: of 2 that imitated a left-out one all had 3 or more, or left
+    something unexplained"""
 
     # parsimony_check
     parsimony_check_many: int = 9
