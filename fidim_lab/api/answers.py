@@ -15,6 +15,16 @@ from fidim_lab.identification.results.result import IdentificationResult, Result
 from fidim_lab.identification.results.result_file import write_result
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, write_explanation
 
+WIDE = 160
+"""columns of a printed answer: no table of ours is wider"""
+
+
+def as_text(renderable: RenderableType) -> str:
+    """What a command prints, as a text without trailing blanks."""
+    buffer = io.StringIO()
+    Console(file=buffer, width=WIDE, highlight=False, color_system=None).print(renderable)
+    return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines())
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified:
@@ -218,14 +228,3 @@ class Designed:
 
     def __repr__(self) -> str:
         return f"Designed({len(self.plan.windows)} equilibria, C = {self.design.C:.3f})"
-
-
-WIDE = 160
-"""columns of a printed answer: no table of ours is wider"""
-
-
-def as_text(renderable: RenderableType) -> str:
-    """What a command prints, as a text without trailing blanks."""
-    buffer = io.StringIO()
-    Console(file=buffer, width=WIDE, highlight=False, color_system=None).print(renderable)
-    return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines())

@@ -26,6 +26,7 @@ from fidim_lab.mismatch.next_experiment.next_windows import to_know, to_separate
 from fidim_lab.mismatch.next_experiment.proposal import Claim, Proposal
 
 FORMAT = "fidim-next/1"
+PLAN, ANSWER = "plan.toml", "next.json"
 
 
 @dataclass(frozen=True)
@@ -232,9 +233,6 @@ def _known_lines(known: NextWindow) -> list[str]:
         for name, before, after in zip(PARAMETER_NAMES, known.sd_before, known.sd_after, strict=True)
     )
     return ["The window that tells most about the body:", f"predicted sd  {parts}"]
-
-
-PLAN, ANSWER = "plan.toml", "next.json"
 
 
 def proposed_table(plan: Plan, notes: Sequence[tuple[str, ...]]) -> Table:

@@ -6,8 +6,9 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.linearised.columns import frequency_of
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
+from fidim_lab.mismatch.scores.frequencies import between
 from fidim_lab.mismatch.scores.score import Score
-from fidim_lab.mismatch.scores.views import between, view
+from fidim_lab.mismatch.scores.views import view
 
 
 @pytest.mark.parametrize(
