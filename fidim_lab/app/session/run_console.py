@@ -103,16 +103,15 @@ def whereabouts(folder: Path) -> list[str]:
     return [f"run folder  {folder}", *([f"next        fidim identify {folder}"] if recorded else [])]
 
 
+PLAIN = ("step-started", "step-finished", "window-finished")
+"""happenings that their text alone tells"""
+
+
 def _print(event: Happening) -> None:
     words = [event.text, event.outcome, "" if event.text.endswith(event.reason) else event.reason]
-    match event.kind:
-        case "step-finished" if not event.reason:
-            return
-        case "step-started" | "step-finished" | "window-finished":
-            pass
-        case kind if kind not in event.text:
-            words = [kind.upper(), *words]
-        case _:
-            pass
+    if event.kind == "step-finished" and not event.reason:
+        return
+    if event.kind not in PLAIN and event.kind not in event.text:
+        words = [event.kind.upper(), *words]
     says = "  ".join(word for word in words if word)
     console.err.print(f"{event.wall[11:19]}  {event.window:4} {says}", markup=False)
