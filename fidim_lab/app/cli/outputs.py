@@ -40,6 +40,17 @@ OUT_EITHER = Output(makes=True)
 class Writing(click.Command):
     """A command that refuses to begin what it could not write down."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does it; for a word too many it tells which options take a file. Raises UsageError."""
+        ctx.allow_extra_args = True
+        left = super().parse_args(ctx, args)
+        if left and not ctx.resilient_parsing:
+            options = [one for one in self.params if isinstance(one, click.Option) and isinstance(one.type, click.Path)]
+            names = ", ".join(one.opts[0] for one in options)
+            which = f" Files and folders are named by {names}." if names else ""
+            raise click.UsageError(f"“{' '.join(left)}” is too much.{which}", ctx)
+        return left
+
     def invoke(self, ctx: click.Context) -> Any:
         """As click does it. Raises SetupError for an output that cannot be written, HardwareError for a full disk."""
         outputs = list(_outputs(ctx))

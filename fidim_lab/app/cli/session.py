@@ -128,16 +128,34 @@ def resume(**options: Any) -> None:
     sys.exit(resume_command(ResumeOptions(**options)))
 
 
-@fidim.command()
+class _Hasty(click.Command):
+    """A command that is carried out however it was typed; what it does not understand is given to it as a text."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does it, but where click refuses, no option holds."""
+        typed = list(args)
+        try:
+            left = super().parse_args(ctx, args)
+        except click.UsageError:
+            left = typed
+            super().parse_args(ctx, [])
+        ctx.params["not_understood"] = " ".join(left)
+        return left
+
+
+@fidim.command(cls=_Hasty, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
 @click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
 @click.option("--reason", default="", help="For the journal.")
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-stop/1".')  # a stop waits for no path
 @example("fidim stop")
-def stop(rig: Path | None, reason: str, json_file: Path | None) -> None:
-    """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button."""
+def stop(rig: Path | None, reason: str, json_file: Path | None, not_understood: str) -> None:
+    """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button.
+
+    Whatever else is typed, it stops all of yours.
+    """
     from fidim_lab.app.session.stop import stop_command
 
-    sys.exit(stop_command(rig, reason, json_file))
+    sys.exit(stop_command(rig, reason, not_understood, json_file))
 
 
 @fidim.command()

@@ -13,7 +13,7 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.lock import Holder, holder, running
-from fidim_lab.app.service.place import ServicePlace, places_for
+from fidim_lab.app.service.place import ServicePlace, all_places, places_for
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
@@ -29,11 +29,24 @@ LOOK = 0.05
 """s"""
 
 
-def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -> int:
-    """Stop it; returns the exit code: 0 stopped, 1 nothing was running, 3 a service did not answer."""
-    found = running(places_for(rig))
+def stop_command(rig: Path | None, reason: str, not_understood: str = "", json_file: Path | None = None) -> int:
+    """Stop it; returns the exit code: 0 stopped, 1 nothing was running, 3 a service did not answer.
+
+    not_understood: what was typed besides; with it, or with a rig file that cannot be read, all services are stopped.
+    """
+    places, doubt = all_places(), f"“{printable(not_understood)}” is not understood" if not_understood else ""
+    if rig is not None and not doubt:
+        try:
+            places = places_for(rig)
+        except SetupError as error:
+            doubt = str(error).rstrip(".")
+    if doubt:
+        console.err.print(f"{doubt}: stopping all your services.", markup=False)
+    found = running(places)
     if not found:
-        console.out.print("No service is running.", markup=False)
+        others = ", ".join(printable(who.folder) for _, who in running(all_places()))
+        of_rig = f"No service of {rig} is running; {others} goes on. To stop all: fidim stop."
+        console.out.print(of_rig if others else "No service is running.", markup=False)
         write_answer(json_file, FORMAT, {"exit_code": 1, "services": []})
         return 1
     codes = asyncio.run(_stop_all(found, reason))

@@ -139,3 +139,11 @@ def test_a_file_that_cannot_be_read_is_named_not_called_a_bug(said, tmp_path):
     assert code == 2, "a folder is no file"
     code, words = said(lambda out, json_file: (tmp_path / "absent").read_text(), "--json", tmp_path / "x.json")
     assert (code, "absent: No such file" in words) == (2, True), words
+
+
+@pytest.mark.parametrize(
+    ("typed", "options"), [(["init", "robot", "robot.toml"], "--out, --robot"), (["dry-run", "out"], "--out, --robot")]
+)
+def test_a_word_too_many_is_told_which_options_take_a_file(typed, options, capsys):
+    assert run(typed) == 2
+    assert f"“{typed[-1]}” is too much. Files and folders are named by {options}" in capsys.readouterr().err

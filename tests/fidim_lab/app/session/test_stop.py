@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -26,10 +27,18 @@ def place(tmp_path):
 
 
 def stop(place, *more, **changed):
+    """With what it tells programs."""
+    done = stop_alone(place, "--json", str(place.folder / "said.json"), *more, **changed)
+    said = json.loads((place.folder / "said.json").read_text())
+    assert done.returncode == said["exit_code"]
+    return done, said
+
+
+def stop_alone(place, *more, **changed):
     """In a process group of its own, with a bystander in it that a signal to the group would end."""
     environment = {key: value for key, value in os.environ.items() if key not in ("XDG_RUNTIME_DIR", "TMPDIR")}
     environment |= {"FIDIM_RUNTIME_DIR": str(place.folder), **changed}
-    command = [*FIDIM, "stop", "--json", str(place.folder / "said.json"), *more]
+    command = [*FIDIM, "stop", *more]
     shell = 'sleep 100 & "$@"; code=$?; kill -0 $! && echo "the bystander lives"; kill $!; exit $code'
     done = subprocess.run(
         ["bash", "-c", shell, "bash", *command],
@@ -40,10 +49,8 @@ def stop(place, *more, **changed):
         timeout=60,
         check=False,
     )
-    said = json.loads((place.folder / "said.json").read_text())
-    assert done.returncode == said["exit_code"]
     assert "the bystander lives" in done.stdout
-    return done, said
+    return done
 
 
 @contextmanager
@@ -133,3 +140,34 @@ def test_it_finds_a_service_from_any_shell_and_says_who_stopped_it(place, tmp_pa
     assert f"{tmp_path / 'run'}: All winches were stopped." in done.stdout
     assert heard[0]["client"] == "fidim stop (ann)"
     assert heard[1]["command"] == {"name": "e-stop", "reason": "a cable is slack"}
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        ["rig.toml"],
+        ["--now", "--rigg", "rig.toml"],
+        ["--rig", "not-there.toml"],
+        ["--rig", "{place}/broken.toml"],
+        ["--rig", "{place}"],
+        ["it swings", "--reason"],
+        ["--reason"],
+    ],
+)
+def test_what_it_does_not_understand_stops_everything(place, typed):
+    (place.folder / "broken.toml").write_text("bus = [")
+    with service(place, '{"pid":PID,"folder":"r"}', listens=False) as process:
+        done = stop_alone(place, *(word.replace("{place}", str(place.folder)) for word in typed))
+        process.join(10.0)
+        assert process.exitcode == -signal.SIGTERM
+    assert done.returncode == 3
+    assert "stopping all your services." in done.stderr
+
+
+def test_a_rig_without_a_service_is_told_what_goes_on(place, tmp_path):
+    rig = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
+    with service(place, '{"pid":PID,"folder":"runs/other"}', listens=False) as process:
+        done, said = stop(place, "--rig", str(rig))
+        assert process.is_alive()
+    assert said["exit_code"] == 1
+    assert "is running; runs/other goes on. To stop all: fidim stop." in " ".join(done.stdout.split())
