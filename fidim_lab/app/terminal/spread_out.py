@@ -20,6 +20,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 AHEAD = 16
 """tasks a worker that are under way: one that takes long keeps no other waiting"""
+MAIN = ("__file__", "__spec__")
+"""of the main module: by these a new process finds it, to run it too"""
 
 
 @contextmanager
@@ -83,8 +85,22 @@ def _in_order(submit: Callable[[T], _Promise], tasks: Iterable[T], most: int) ->
 
 
 def _submitted(pool: Executor, action: Callable[[T], R], task: T) -> Future[R]:
-    with _held_back():
+    with _held_back(), _not_run_again(action):
         return pool.submit(action, task)
+
+
+@contextmanager
+def _not_run_again(action: Callable[[T], R]) -> Generator[None]:
+    """A process begun meanwhile does not run the program's main script as well, unless the action is a part of that."""
+    while isinstance(action, partial):
+        action = action.func
+    main = vars(sys.modules["__main__"])
+    shown = {} if action.__module__ == "__main__" else {key: main[key] for key in MAIN if key in main}
+    main.update(dict.fromkeys(shown))
+    try:
+        yield
+    finally:
+        main.update(shown)
 
 
 @contextmanager

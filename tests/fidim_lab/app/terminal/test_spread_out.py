@@ -46,6 +46,21 @@ def test_tasks_are_made_as_workers_get_free():
         assert len(list(results)) == 99
 
 
+PLAIN = """
+from fidim_lab.app.terminal.spread_out import workers
+print("once")
+with workers(2) as spread:
+    print(*spread(abs, [-1, 2, -3]))
+"""
+
+
+def test_a_script_of_ones_own_needs_no_guard_and_runs_once(tmp_path):
+    script = tmp_path / "plain.py"
+    script.write_text(PLAIN)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.stdout, done.stderr) == ("once\n1 2 3\n", "")
+
+
 LONG = """
 import sys, time
 from fidim_lab.app.terminal.spread_out import workers
