@@ -104,10 +104,13 @@ def _read(folder: Path) -> Run:
             kind = "simulated" if (folder / "truth.json").exists() else "imported"
             return Run(**facts, verdict=kind, windows=_listed(folder))
         run = Run(**facts, **_journal(read_journal(folder / JOURNAL)))
-        if told.get("format") != DRY_RUN:
+        dry = told.get("format") == DRY_RUN
+        if dry or told.get("embedded"):
+            run = replace(run, verdict=f"{run.verdict}, rehearsal")
+        if not dry:
             return run
         begun = datetime.fromtimestamp((folder / RUN).stat().st_mtime, UTC)  # its journal has the simulated time
-        return replace(run, when=f"{begun:%Y-%m-%d %H:%M}", verdict=f"{run.verdict}, rehearsal")
+        return replace(run, when=f"{begun:%Y-%m-%d %H:%M}")
     except (FidimError, OSError, ValueError) as error:
         return Run(folder.name, problem=str(error))
 

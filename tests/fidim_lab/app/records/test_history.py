@@ -58,6 +58,13 @@ def test_runs_are_listed_by_time_with_who_and_what_came_of_them(runs: Path, tmp_
     assert "journal.jsonl" in told["runs"][0]["problem"]
 
 
+def test_a_run_on_embedded_devices_is_listed_as_a_rehearsal(runs: Path, tmp_path: Path) -> None:
+    write_spec(runs / "b-later", RunSpec(plan=Path("/p"), rig=Path("/r"), out=Path("/o"), embedded=True))
+    assert run(["ls", str(runs), "--json", str(tmp_path / "h.json")]) == 0
+    told = {one["folder"]: one["verdict"] for one in json.loads((tmp_path / "h.json").read_text())["runs"]}
+    assert (told["a-first"], told["b-later"]) == ("pass", "error, rehearsal")
+
+
 def test_failures_are_counted_over_all_runs(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["ls", str(runs), "--failures", "--json", str(tmp_path / "h.json")]) == 0
     told = json.loads((tmp_path / "h.json").read_text())["failures"]
