@@ -29,7 +29,7 @@ from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
 from fidim_lab.data.files.input_file import read_text
 from fidim_lab.data.records import Window
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 
 if TYPE_CHECKING:  # the mechanism takes half a second to import, and most exports need none
@@ -110,9 +110,18 @@ def _export_result(
     source: Path, kind: str, out: Path | None, mass: float | None, robot: tuple[Path, str | None] | None
 ) -> tuple[Path, "WindowStart | None"]:
     suffix, make = _OF_RESULT[kind]
-    text, start = (make(read_result(source), mass), None) if robot is None else _robot(source, kind, mass, *robot)
+    text, start = (make(_result(source), mass), None) if robot is None else _robot(source, kind, mass, *robot)
     path = _free(out or source.parent / EXPORTS / f"{source.stem}{suffix}")
     return _written(path, lambda: path.write_text(text, encoding="utf-8")), start
+
+
+def _result(source: Path) -> ResultTable:
+    try:
+        return read_result(source)
+    except FileError as error:
+        if error.place == "format":
+            error.hint += " With --campaign FOLDER mjcf and python also take what fidim explain --json writes."
+        raise
 
 
 def _robot(source: Path, kind: str, mass: float | None, folder: Path, window: str | None) -> tuple[str, "WindowStart"]:

@@ -138,6 +138,13 @@ def test_wrong_use(folder, result, capsys, arguments, code, says):
     assert says in capsys.readouterr().err
 
 
+def test_an_explanation_by_itself_is_refused_with_what_it_lacks(tmp_path, capsys):
+    path = tmp_path / "explanation.json"
+    path.write_text('{"format": "fidim-explanation/1"}')
+    assert run(["export", str(path), "--to", "mjcf"]) == 2
+    assert "--campaign FOLDER" in capsys.readouterr().err
+
+
 def test_what_lies_near_is_named(folder, result, tmp_path, capsys):
     inside = folder / "result.json"
     inside.write_text(result.read_text())
