@@ -12,7 +12,7 @@ from fidim_lab.app.report.drawings.svg import points_for
 from fidim_lab.app.report.sections import tables, words
 from fidim_lab.app.report.sections.copies import Copy, copies
 from fidim_lab.app.report.sections.explained import ExplanationSection
-from fidim_lab.app.report.sections.numerals import short
+from fidim_lab.app.report.sections.numerals import duration, short
 from fidim_lab.app.report.sections.paper import is_papers_robot
 from fidim_lab.app.report.sections.tables import MARKS, ReportTable
 from fidim_lab.app.report.sections.windows import WindowSection, section
@@ -191,8 +191,9 @@ def _origin(contents: Contents, result: IdentificationResult | None) -> tuple[tu
     facts: list[tuple[str, str]] = []
     truth, story = contents.truth, contents.story
     if story is not None:
-        simulated = " (a simulated day)" if truth is not None else ""
-        facts.append(("journal", f"from {story.began} to {story.ended}{simulated}"))
+        stood = truth is not None and story.began == story.ended  # a jumping clock leaves the time of day as it was
+        when = f"{duration(story.seconds)} of simulated time" if stood else f"from {story.began} to {story.ended}"
+        facts.append(("journal", when))
         if story.held:
             facts.append(("left behind", story.held))
     if truth is not None:

@@ -70,7 +70,9 @@ def _courses(one: ComparedWindow) -> str:
 def shifts(found: ExplanationTable) -> Drawing:
     """How far each parameter moved, in sd of the fit before, on a scale that shows 1 and 1000 alike."""
     svg = _shifts(found)
-    return Drawing(svg, "How far the parameters moved, in standard deviations of the fit before.", "shifts")
+    return Drawing(
+        svg, "How far the parameters moved, in standard deviations of the fit before; dotted: two.", "shifts"
+    )
 
 
 @styled
@@ -81,7 +83,7 @@ def _shifts(found: ExplanationTable) -> str:
     figure, (axis,) = sheet(WIDTH, 2.4)
     axis.bar(range(len(names)), moved, color=COLOURS[0], width=0.6)
     axis.set_yscale("symlog", linthresh=3.0)
-    axis.set_yticks(sd_levels(min(*moved, 0.0), max(*moved, 0.0)))
+    axis.set_yticks(sd_levels(min(*moved, -2.0), max(*moved, 2.0)))
     plain_ticks(axis.yaxis)
     axis.axhline(0.0, color="black", lw=0.6)
     for level in (-2.0, 2.0):
