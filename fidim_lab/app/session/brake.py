@@ -18,9 +18,10 @@ from fidim_lab.app.service.place import place_of
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import RefusedError, SetupError
 
 FORMAT = "fidim-brake/1"
+QUESTION = "A load on this cable falls. Is it secured, and nobody under it?"
 
 
 @dataclass(frozen=True)
@@ -35,15 +36,16 @@ class BrakeOptions:
 
 
 def brake_command(options: BrakeOptions) -> int:
-    """Do it; returns 0. Raises SetupError while a service has the rig or without such a winch, and DeviceError."""
+    """Do it; returns 0. Raises SetupError while a service has the rig or without such a winch, RefusedError where
+    the load is not secured, and DeviceError."""
     file = read_rig(options.rig)
     if (other := holder(place_of(file, embedded=False))) is not None:
         raise SetupError(in_use(other))
     names = [entry.name for entry in file.winches]
     if options.winch not in names:
         raise SetupError(f"{options.rig}: no winch is named {options.winch!r}; there are {', '.join(names)}.")
-    if options.release and not options.yes:
-        click.confirm("A load on this cable falls. Is it secured, and nobody under it?", abort=True)
+    if options.release and not options.yes and not click.confirm(QUESTION):
+        raise RefusedError("The brake stays as it is; nothing was sent to the drive.")
     compose.run_loop(_set(file, names.index(options.winch), applied=not options.release), real_time=True)
     done = "released" if options.release else "applied"
     console.out.print(f"{options.winch}: brake {done}", markup=False)
