@@ -175,7 +175,7 @@ def _recorded(robot: Robot, plan: Plan, platform: SimulatedPlatform, options: Si
     if options.noise is not None:
         noise = replace(noise, marker=options.noise)
     recorded: list[RecordedWindow] = []
-    with _Progress(f"recording in the {options.backend} world", len(plan.windows)) as shown:
+    with _Progress("recording in the simulated world", len(plan.windows)) as shown:
 
         def watch(window: RecordedWindow) -> None:
             recorded.append(window)
