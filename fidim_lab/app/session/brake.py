@@ -36,8 +36,10 @@ class BrakeOptions:
 
 
 def brake_command(options: BrakeOptions) -> int:
-    """Do it; returns 0. Raises SetupError while a service has the rig or without such a winch, RefusedError where
-    the load is not secured, and DeviceError."""
+    """Do it; returns 0.
+
+    Raises SetupError while a service has the rig or without such a winch, RefusedError for a no, and DeviceError.
+    """
     file = read_rig(options.rig)
     if (other := holder(place_of(file, embedded=False))) is not None:
         raise SetupError(in_use(other))
