@@ -207,7 +207,12 @@ def simulators(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("rig", type=FILE)
-@click.option("--by", required=True, metavar="NAME", help="Who is at the robot; faults are acknowledged in this name.")
+@click.option(
+    "--by",
+    default="",
+    metavar="NAME",
+    help="Who is at the robot; faults are acknowledged in this name. Only --list does without.",
+)
 @click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/commission-RIG.")
 @click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
 @click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")

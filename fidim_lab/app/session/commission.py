@@ -45,8 +45,11 @@ class CommissionOptions:
 
 def commission_command(options: CommissionOptions) -> int:
     """Try, and keep what was proven; returns the run's exit code. Raises FidimError before anything has moved."""
-    if not options.by.strip():
-        raise SetupError("--by: nobody is named; somebody must be at the robot while its stops are tried.")
+    if not options.listing and not options.by.strip():
+        raise SetupError(
+            "--by: nobody is named; somebody must be at the robot while its stops are tried.",
+            hint='Say --by "A. Name".',
+        )
     file = read_rig(options.rig)
     out = (options.out or _free_folder(options.rig)).absolute()
     with tempfile.TemporaryDirectory(prefix="fidim-commission-") as folder:
