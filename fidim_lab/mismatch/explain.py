@@ -76,8 +76,9 @@ def explain(
     last_word = judged.named.model if whole.unknown is None else Completed((), whole.unknown.fit, whole=True)
     whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)
     audited = _audited(campaign, cleaned, reached, judged, whole)
-    if whole.verdict in OPEN:
-        soft, searched = soft_mode(audited.campaign), last.cleaned.campaign
+    soft = soft_mode(audited.campaign) if whole.verdict in OPEN else None
+    if whole.verdict in OPEN and (soft is not None or not _has_law(whole, audited)):
+        searched = last.cleaned.campaign
         common = partial(rigid, searched, reached.mechanism)
         if soft is not None:
             whole, searched = _on_rigid_cables(whole, soft), audited.campaign
@@ -106,6 +107,14 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     if told.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, told.unknown.fit)
     return audited
+
+
+def _has_law(told: Explanation, audited: Cleaned) -> bool:
+    """Whether a law without a name takes most of what is missing, and the kinematics are as the robot file says.
+
+    Then only a force is missing; all effects that are known were tried for it.
+    """
+    return told.unknown is not None and told.unknown.halves and not audited.screening.contradicts_kinematics
 
 
 def _on_rigid_cables(told: Explanation, soft: str) -> Explanation:

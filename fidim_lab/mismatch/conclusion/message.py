@@ -161,8 +161,8 @@ def _outdone(rival: UnknownForce, found: Selection) -> str:
     if found.outdone is None:
         return f"An unknown wrench explains more with fewer parameters ({figures}). {found.best.model.label} {end}"
     return (
-        f"One unknown wrench leaves only noise ({figures}), and follows the first seconds better than "
-        f"{found.outdone.label}, which was fitted only to these. {found.outdone.label} {end}"
+        f"One unknown wrench leaves only noise of all windows ({figures}); {found.outdone.label} explains the first "
+        f"seconds alone, and {end}"
     )
 
 

@@ -140,10 +140,16 @@ class Search:
         self.trials.passing += fresh
         return fresh
 
-    def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> tuple[Candidate, tuple[Contact, ...]]:
-        """Models of the first seconds fitted to whole windows, and the best of them; hands where none follows."""
-        best, followed = WholeWindows(self.start, self.say, self.patience, self.trials).best(baseline, short)
-        return best, () if followed else self._hands_beside(short)
+    def best_over_all(
+        self, baseline: Candidate, short: Sequence[Completed], rivalled: bool = False
+    ) -> tuple[Candidate, tuple[Contact, ...]]:
+        """Models of the first seconds fitted to whole windows, and the best of them; hands where none follows.
+
+        rivalled: a wrench without a name leaves only noise there: no model is gone on with that does not follow.
+        """
+        hopeless = SHARED.near if rivalled else SHARED.hopeless
+        best, followed = WholeWindows(self.start, self.say, self.patience, self.trials, hopeless).best(baseline, short)
+        return best, () if followed or rivalled else self._hands_beside(short)
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""

@@ -54,7 +54,7 @@ class Selection:
     alone: UnknownForce | None = None
     """one unknown wrench, where it was asked for: without terms where none explains nearly all"""
     outdone: Completed | None = None
-    """the best model of the first seconds, where that wrench says more, so that none was fitted to whole windows"""
+    """the best model of the first seconds, where that wrench says more, so that the search went no further"""
 
 
 def select(
@@ -80,10 +80,14 @@ def select(
     hands: tuple[Contact, ...] = ()
     if settled is None and not start.follows:
         short = search.over_first_seconds(lambda model: lone.seek([model]).outdoes([model]))
-        if search.trials.first is not None and lone.seek(short).outdoes(short):
-            first, passing = search.trials.first, tuple(search.trials.passing)
-            return Selection(baseline, baseline, (baseline,), passing, first, first, alone=lone.found, outdone=short[0])
-        best, hands = search.best_over_all(baseline, short)
+        first, outdone = search.trials.first, lone.seek(short).outdoes(short)
+        if not outdone:
+            best, hands = search.best_over_all(baseline, short, lone.leaves_noise)
+            outdone = lone.leaves_noise and not best.is_white
+        if first is not None and outdone:
+            tried = tuple(sorted([baseline, *search.trials.tried], key=rank))
+            passing = tuple(search.trials.passing)
+            return Selection(baseline, baseline, tried, passing, first, first, alone=lone.found, outdone=short[0])
     standing = search.over_whole_windows(best, hands)
     # a model with which a search ended stood among its imitators already
     if not (standing.is_broken_off or standing.best is settled or search.patience.ended):

@@ -2,7 +2,8 @@
 
 It is found in seconds, while several effects take long to be fitted to whole windows. Where it leaves only noise of all
 windows, and follows even the first seconds better than the effects do that were fitted to nothing else, these need not
-be fitted to the whole: effects that act would follow there what they cause.
+be fitted to the whole: effects that act would follow there what they cause. Where they are fitted and leave more than
+noise, no further ones are looked for beside them.
 """
 
 from collections.abc import Sequence
@@ -46,12 +47,15 @@ class LoneWrench:
 
         short: of the first seconds, the best first.
         """
-        if not _may_be_stand_ins(short):
-            return False
         found, judged = self.found, self._judged
-        if found is None or judged is None or not judged.is_white:
+        if not _may_be_stand_ins(short) or found is None or judged is None or not judged.is_white:
             return False
         return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > SHARED.enough for one in short)
+
+    @property
+    def leaves_noise(self) -> bool:
+        """Whether it was found, and nothing but noise is left of all windows."""
+        return self._judged is not None and self._judged.is_white
 
     @cached_property
     def _judged(self) -> Candidate | None:

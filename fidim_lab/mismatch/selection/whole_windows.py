@@ -25,6 +25,8 @@ class WholeWindows:
     say: Say
     patience: Patience
     trials: Trials
+    hopeless: float = SHARED.hopeless
+    """χ²/dof of whole windows, from which a model is not gone on with"""
 
     def best(self, baseline: Candidate, short: Sequence[Completed]) -> tuple[Candidate, bool]:
         """The best of them or the baseline, and whether any came near whole windows, or none was tried."""
@@ -41,7 +43,7 @@ class WholeWindows:
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
                 continue  # where another follows whole windows
             found = ahead[k] if k in ahead else self._fitted([model], baseline.model)[0]
-            if found is not None and found.excess >= SHARED.hopeless:
+            if found is not None and found.excess >= self.hopeless:
                 in_vain.append(terms)
             elif found is not None:
                 # what made good for the first seconds alone may be needless beside the whole

@@ -9,7 +9,7 @@ from fidim_lab.mismatch.scores.views import View, view
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import common_scale
 from fidim_lab.mismatch.selection.confounders import imitators, in_their_place
-from fidim_lab.mismatch.selection.search import Search
+from fidim_lab.mismatch.selection.search import Search, SearchState
 from fidim_lab.mismatch.selection.select import _with_imitators
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 
@@ -111,7 +111,8 @@ def test_what_was_taken_for_a_turned_frame_may_be_one_cable(baseline_of) -> None
 def test_what_the_imitator_makes_needless_is_dropped(rubbing: Baseline) -> None:
     both = rubbing_at(rubbing, 1, 2)
     search = Search(rubbing, lambda _: None, False, Patience())
-    best, seen = _with_imitators(search, search.trials.judged(both), search.trials.look(both))
+    standing = _with_imitators(search, SearchState(search.trials.judged(both), search.trials.look(both)))
+    best, seen = standing.best, standing.last
     found = {(h.effect.id, h.effect.cable) for h in best.model.tried}
     assert found == {("attachment-friction", None), ("air-drag-linear", None)}
     assert seen.model is best.model
