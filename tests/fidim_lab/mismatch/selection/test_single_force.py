@@ -44,6 +44,7 @@ def test_effects_that_act_are_not_outdone(
     assert lone.seek([short]).outdoes([short]) is outdone
     assert said == [BASE.format(short.label)]
     assert lone.found is not None
+    assert lone.leaves_noise or not outdone
 
 
 def test_it_is_sought_once_and_only_where_there_may_be_stand_ins(
@@ -59,6 +60,7 @@ def test_it_is_sought_once_and_only_where_there_may_be_stand_ins(
     for simple in ([], [one]):
         assert not lone.seek(simple).outdoes(simple)
     assert lone.found is None
+    assert not lone.leaves_noise
     for short in ([two], [three]):
         assert not lone.seek(short).outdoes(short)
     assert asked == [BASE.format(two.label)]

@@ -11,19 +11,25 @@ from fidim_lab.mismatch.selection.budget import Patience
 
 
 @pytest.mark.parametrize(
-    ("white", "left", "expected"),
+    ("white", "left", "expected", "hopeless"),
     [
         # whether the pair leaves only noise of the first seconds; what is left by it, by one of it and by another term;
-        # and what is fitted to whole windows, two at once where the first is doubtful
-        (True, (40.0, 35.0, 50.0), ["a + b", "c"]),
-        (False, (40.0, 35.0, 50.0), ["a + b", "c"]),
-        (True, (2.0, 2.0, 2.0), ["a + b", "a", "c"]),
-        (False, (2.0, 2.0, 2.0), ["a + b", "c", "a"]),
-        (True, (None, 2.0, 2.0), ["a + b", "a", "c"]),  # not found at all says nothing of others
+        # what is fitted to whole windows, two at once where the first is doubtful; from where on that is in vain
+        (True, (40.0, 35.0, 50.0), ["a + b", "c"], 30.0),
+        (False, (40.0, 35.0, 50.0), ["a + b", "c"], 30.0),
+        (True, (2.0, 2.0, 2.0), ["a + b", "a", "c"], 30.0),
+        (False, (2.0, 2.0, 2.0), ["a + b", "c", "a"], 30.0),
+        (True, (None, 2.0, 2.0), ["a + b", "a", "c"], 30.0),  # not found at all says nothing of others
+        (True, (4.0, 2.0, 2.0), ["a + b", "c"], 3.0),
     ],
 )
 def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
-    irma4: Robot, monkeypatch: pytest.MonkeyPatch, white: bool, left: tuple[float | None, ...], expected: list[str]
+    irma4: Robot,
+    monkeypatch: pytest.MonkeyPatch,
+    white: bool,
+    left: tuple[float | None, ...],
+    expected: list[str],
+    hopeless: float,
 ) -> None:
     ids = ("air-drag-linear", "swivel-friction", "rotational-drag")
     a, b, c = (next(h for h in hypotheses(irma4).direct if h.effect.id == id) for id in ids)
@@ -48,7 +54,8 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
         judged_or_wider=lambda found, new: SimpleNamespace(is_white=False, model=found),
     )
     start, baseline = SimpleNamespace(whole_ground=None, context=None), SimpleNamespace(model=None)
-    best, followed = module.WholeWindows(start, said.append, Patience(), trials).best(baseline, short)  # type: ignore[arg-type]
+    stage = module.WholeWindows(start, said.append, Patience(), trials, hopeless)  # type: ignore[arg-type]
+    best, followed = stage.best(baseline, short)  # type: ignore[arg-type]
     assert best is baseline
     assert followed is (2.0 in left)
     assert said == [f"fitting {label} to whole windows" for label in expected]
