@@ -18,7 +18,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from importlib import import_module
-from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -145,9 +144,8 @@ def page(known: dict[str, Any]) -> str:
         differ = {case: one["answer"] for case, one in found.items() if one["answer"] != usual[case]["answer"]}
         differing += len(differ)
         value = getattr(_instance(change.stage), change.name)
-        rows.append(
-            [f"{change.stage}.{change.name}", value, changed(value, change.factor), len(found), f"{len(differ)}/{cases}"]
-        )
+        name, other = f"{change.stage}.{change.name}", changed(value, change.factor)
+        rows.append([name, value, other, len(found), f"{len(differ)}/{cases}"])
         told += [f"- {change.key}, {case}: {usual[case]['answer']} → {answer}" for case, answer in differ.items()]
     share = 100 * differing / max(1, len(asked) * cases)
     lines = [
