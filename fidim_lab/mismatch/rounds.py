@@ -21,7 +21,7 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.budget import Patience
-from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.selection.candidates import candidate, improves
 from fidim_lab.mismatch.selection.general_geometry import (
     first_look,
     instead_of_a_search,
@@ -125,8 +125,8 @@ class Rounds:
         if seen is None:
             return right
         before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.exact))
-        takes = after.whiteness.excess < SHARED.half * before.whiteness.excess
-        return right if after.is_white or takes else None
+        takes = after.is_white or after.whiteness.excess < SHARED.half * before.whiteness.excess
+        return right if takes and improves(after, before, feeble=True) else None
 
     def _beside_effects(self, found: Reached) -> ReadingErrors | None:
         """What the readings are off by beside effects that leave only noise of the markers."""
