@@ -115,12 +115,13 @@ class Rounds:
         errors = reading_errors(recorded.fit, recorded.campaign, SHARED.enough)
         if errors is None or _effects_say_more(seen, errors):
             return None
-        general = None if seen is None else rival(seen)
-        open_fit = opened(recorded, 1.0 if general is None else general.factor, self.say)
-        beside = reading_errors(open_fit.fit, recorded.campaign, SHARED.enough)
-        if beside is None or _effects_say_more(first_look(open_fit), beside):
-            return None
-        errors = errors if errors.kinds <= beside.kinds else beside
+        if not recorded.geometry:
+            general = None if seen is None else rival(seen)
+            open_fit = opened(recorded, 1.0 if general is None else general.factor, self.say)
+            beside = reading_errors(open_fit.fit, recorded.campaign, SHARED.enough)
+            if beside is None or _effects_say_more(first_look(open_fit), beside):
+                return None
+            errors = errors if errors.kinds <= beside.kinds else beside
         right = self._put_right(cleaned, errors)
         if seen is None:
             return right
