@@ -106,16 +106,20 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> tu
     windows = [window for window in campaign.of_role(Role.IDENTIFY) if window.id not in odd]
     begun = begin_surveyed(mechanism, windows)
     begun, windows, said = _without_touched_ends(mechanism, begun, windows)
+    surveyed: Surveyed | None = None
     if (name := odd_window(begun)) is not None:
         others = [window for window in windows if window.id != name]
         without = begin_surveyed(mechanism, others)
         again = taken_in_again(begun, without) if without.explained and not begun.explained else None
         if again is not None:
             begun = again
-        elif without.explained and (misses_much(begun) or costs_much(begun, without, name)):
-            odd[name] = contradicts(name, begun, without)
-            begun, windows = without, others
-    surveyed = fit_surveyed(begun, windows)
+        elif without.explained and costs_much(begun, without, name):
+            # what is missed by little may be the geometry
+            surveyed = None if begun.explained or misses_much(begun) else fit_surveyed(begun, windows)
+            if surveyed is None or costs_much(surveyed.found, without, name):
+                odd[name] = contradicts(name, begun, without)
+                begun, windows, surveyed = without, others, None
+    surveyed = surveyed or fit_surveyed(begun, windows)
     unused = surveyed.found.unused | {w.id: odd[w.id] for w in campaign.of_role(Role.IDENTIFY) if w.id in odd}
     return replace(surveyed, found=replace(surveyed.found, unused=unused)), said
 

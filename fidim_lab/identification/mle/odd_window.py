@@ -3,8 +3,9 @@
 A payload left on the platform, a cable that touched, a window of another robot. Where the fit misses, each window is
 left out in turn to first order; where the others then come down to their noise without one of them, and at least three
 others agree on it, the fit is made again without it. Missing physics is in every window, and leaves none to blame. The
-geometry is asked afterwards: opened wide it bends around such a window. Where the fit does not miss, because body and
-geometry have bent around a window already, that window costs the others more χ² than its samples have noise.
+geometry is asked afterwards: opened wide it bends around such a window; only where little is missed it comes first, and
+the window goes where it costs the others as much even so. Where the fit does not miss, because body and geometry have bent
+around a window already, that window costs the others more χ² than its samples have noise.
 
 The window may be innocent: markers that do not show the pose leave its first orientation to a guess, and from a wrong
 one a search may end in a place of its own. So it is followed anew with the body of the others, and taken in again where
@@ -50,9 +51,7 @@ def odd_window(found: Fit) -> str | None:
 
 
 def costs_much(found: Fit, without: Fit, window: str) -> bool:
-    """Whether a window, in a fit that does not miss, is farther from what the others say than its noise allows."""
-    if not found.explained:
-        return False
+    """Whether a window is farther from what the others say than its noise allows."""
     ids = [recording.window.id for recording in found.likelihood.recordings]
     chi2 = sum(one.chi2 for one in without.remainders) / found.noise_ratio**2
     return _cost(found, found.remainders[ids.index(window)], chi2) > COST
