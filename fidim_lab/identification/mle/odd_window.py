@@ -4,8 +4,8 @@ A payload left on the platform, a cable that touched, a window of another robot.
 left out in turn to first order; where the others then come down to their noise without one of them, and at least three
 others agree on it, the fit is made again without it. Missing physics is in every window, and leaves none to blame. The
 geometry is asked afterwards: opened wide it bends around such a window; only where little is missed it comes first, and
-the window goes where it costs the others as much even so. Where the fit does not miss, because body and geometry have bent
-around a window already, that window costs the others more χ² than its samples have noise.
+the window goes where it costs the others as much even so. Where the fit does not miss, because body and geometry have
+bent around a window already, that window costs the others more χ² than its samples have noise.
 
 The window may be innocent: markers that do not show the pose leave its first orientation to a guess, and from a wrong
 one a search may end in a place of its own. So it is followed anew with the body of the others, and taken in again where
