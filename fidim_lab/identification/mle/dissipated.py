@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.units import plain
 
 PARTS = 4
 """of a window over which the squares are averaged: of ten seconds each holds two swings or more"""
@@ -42,8 +43,8 @@ class Loss:
         """A sentence for a person."""
         return (
             f"The recorded motion dies out, and the model's does not: half of its energy is lost in "
-            f"{np.log(2.0) / self.rate:.2g} s, in all {self.windows} windows. What is missing dissipates: drag, "
-            "friction in cables, pulleys or attachments, something loose, or a hand that brakes."
+            f"{plain(float(np.log(2.0)) / self.rate, 2)} s, in all {self.windows} windows. What is missing dissipates: "
+            "drag, friction in cables, pulleys or attachments, something loose, or a hand that brakes."
         )
 
 

@@ -8,7 +8,7 @@ from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 TOLD = 3
 """pieces of the geometry that are named in a sentence; the rest is in the result file"""
@@ -69,10 +69,10 @@ def _usual(factors: Factors) -> tuple[str, str]:
     known, scaled = list[str](), list[str]()
     if factors.cables is not None:
         known.append(f"{millimetres(TYPICAL_ANCHOR):g} mm anchors, {millimetres(TYPICAL_ATTACHMENT):g} mm attachments")
-        scaled.append(f"{factors.cables * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors")
+        scaled.append(f"{plain(factors.cables * millimetres(TYPICAL_ANCHOR), 2)} mm for anchors")
     if factors.markers is not None:
         known.append(f"{millimetres(TYPICAL_MARKER):g} mm markers")
-        scaled.append(f"{factors.markers * millimetres(TYPICAL_MARKER):.2g} mm for markers")
+        scaled.append(f"{plain(factors.markers * millimetres(TYPICAL_MARKER), 2)} mm for markers")
     return f"a usual survey ({', '.join(known)})", " and ".join(scaled)
 
 
@@ -118,4 +118,4 @@ def _unseen(surveyed: Surveyed, told: Geometry) -> str:
 def _away(value: float) -> str:
     """m or rad in thousandths, with two figures and the sign; 0 below a hundredth of them."""
     shown = round(millimetres(value), 2)
-    return f"{shown:+.2g}" if shown else "0"
+    return f"{'+' if shown > 0 else ''}{plain(shown, 2)}" if shown else "0"

@@ -26,7 +26,15 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.odd_window import contradicts, costs_much, misses_much, odd_window, taken_in_again
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
-from fidim_lab.identification.mle.touched import IN_VAIN, LEFT_OUT, beside_cuts, left_by_window, untouched
+from fidim_lab.identification.mle.touched import (
+    IN_VAIN,
+    LEFT_OUT,
+    Cut,
+    beside_cuts,
+    left_by_window,
+    together,
+    untouched,
+)
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.undetermined import tried_out
@@ -128,19 +136,19 @@ def _without_touched_ends(
     mechanism: Mechanism, begun: Fit, windows: list[Window]
 ) -> tuple[Fit, list[Window], tuple[str, ...]]:
     """The fit without what a hand still touched, if that leaves noise alone; else as it was. And what is said of it."""
-    found, kept, said = begun, windows, list[str]()
+    found, kept, cuts = begun, windows, list[Cut]()
     for _ in range(CUTS):
         shorter, cut = _shorter(kept, found)
         if all(new is old for new, old in zip(shorter, kept, strict=True)):
             break
-        said += cut
+        cuts += cut
         found, kept = begin_surveyed(mechanism, shorter), shorter
     if found.explained:
-        return found, kept, tuple(f"{one}{LEFT_OUT}" for one in said)
-    return begun, windows, tuple(f"{one}{IN_VAIN}" for one in said)
+        return found, kept, tuple(f"{one.says}{LEFT_OUT}" for one in together(cuts))
+    return begun, windows, tuple(f"{one.says}{IN_VAIN}" for one in together(cuts))
 
 
-def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[str]]:
+def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[Cut]]:
     """Without the ends that stand out by much; where little is missed, without those beside a cut."""
     if not misses_much(found):
         return beside_cuts(windows, found)

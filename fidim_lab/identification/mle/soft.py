@@ -204,7 +204,7 @@ def fit_soft(campaign: Campaign, *, native: bool = False) -> SoftFit:
         at_once,
         stretch,
         costs,
-        tuple(f"{one}{LEFT_OUT}" for one in cut),
+        tuple(f"{one.says}{LEFT_OUT}" for one in cut),
     )
 
 

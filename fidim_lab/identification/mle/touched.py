@@ -9,7 +9,7 @@ windows together look like noise already: a touch of a tenth of a second is lost
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,37 @@ FAR_MORE = 2.0
 """times the rms of the rest: 3 and 4.6 where a hand brakes the end, 1.4 where drag or friction is missing"""
 LEFT_OUT = ": they were left out."
 IN_VAIN = "; without them, too, something is left."
+BESIDE = "beside what a hand did"
+AS_IF = "as if a hand still touched"
+
+
+@dataclass(frozen=True)
+class Cut:
+    """An end of a window that is taken for touched."""
+
+    window: str
+    early: bool
+    """its start; else its end"""
+    seconds: float
+    gently: bool = False
+    """beside what was cut before; else missed by far more than the rest"""
+
+    @property
+    def says(self) -> str:
+        """A sentence without its end (`LEFT_OUT`)."""
+        part = f"The {'first' if self.early else 'last'} {self.seconds:.2f} s"
+        if self.gently:
+            return f"{part} that were kept of window {self.window} are missed by more than noise, {BESIDE}"
+        return f"{part} of window {self.window} are missed by more than twice as much as the rest of it, {AS_IF}"
+
+
+def together(cuts: Sequence[Cut]) -> tuple[Cut, ...]:
+    """What was cut in several rounds, once for each end and reason."""
+    sums: dict[Cut, float] = {}
+    for cut in cuts:
+        end = replace(cut, seconds=0.0)
+        sums[end] = sums.get(end, 0.0) + cut.seconds
+    return tuple(replace(end, seconds=seconds) for end, seconds in sums.items())
 
 
 def left_by_window(found: Fit) -> dict[str, Remainder]:
@@ -30,13 +61,13 @@ def left_by_window(found: Fit) -> dict[str, Remainder]:
     return {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
 
 
-def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: float) -> tuple[list[Window], list[str]]:
-    """The windows without touched ends, and for each end that was cut a sentence without its end (`LEFT_OUT`).
+def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: float) -> tuple[list[Window], list[Cut]]:
+    """The windows without touched ends, and what was cut.
 
     left: `left_by_window`; windows without are kept. noise: m; ends missed by less than twice that are kept.
     """
     kept: list[Window] = []
-    said: list[str] = []
+    cuts: list[Cut] = []
     for window in windows:
         remainder = left.get(window.id)
         if remainder is None:
@@ -46,39 +77,39 @@ def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: f
         span = PART * (end - begin)
         if _stands_out(remainder, early=True, noise=noise):
             begin += span
-            said.append(f"The first {span:.2f} s of window {window.id} {_WHY}")
+            cuts.append(Cut(window.id, early=True, seconds=span))
         if _stands_out(remainder, early=False, noise=noise):
             end -= span
-            said.append(f"The last {span:.2f} s of window {window.id} {_WHY}")
+            cuts.append(Cut(window.id, early=False, seconds=span))
         kept.append(_between(window, begin, end))
-    return kept, said
+    return kept, cuts
 
 
-def beside_cuts(windows: Sequence[Window], found: Fit) -> tuple[list[Window], list[str]]:
-    """The windows, shortened further where samples beside a cut are missed by more than chance; sentences as above."""
+def beside_cuts(windows: Sequence[Window], found: Fit) -> tuple[list[Window], list[Cut]]:
+    """The windows, shortened further where samples beside a cut are missed by more than chance; and what was cut."""
     left = left_by_window(found)
     kept: list[Window] = []
-    said: list[str] = []
+    cuts: list[Cut] = []
     for window in windows:
         shorter, of_window = _shorter(window, left[window.id]) if window.id in left else (window, [])
         kept.append(shorter)
-        said += of_window
-    return kept, said
+        cuts += of_window
+    return kept, cuts
 
 
-def _shorter(window: Window, left: Remainder) -> tuple[Window, list[str]]:
+def _shorter(window: Window, left: Remainder) -> tuple[Window, list[Cut]]:
     seen = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
     begin, end = float(window.t[seen[0]]), float(window.t[seen[-1]])
     span = PART * (end - begin)
     use = np.ones(len(window.t), dtype=bool)
-    said: list[str] = []
+    cuts: list[Cut] = []
     if seen[0] > 0 and _beyond_chance(left, early=True):
         use &= window.t >= begin + span
-        said.append(f"The first {span:.2f} s that were kept of window {window.id} {_GENTLY}")
+        cuts.append(Cut(window.id, early=True, seconds=span, gently=True))
     if seen[-1] < len(window.t) - 1 and _beyond_chance(left, early=False):
         use &= window.t <= end - span
-        said.append(f"The last {span:.2f} s that were kept of window {window.id} {_GENTLY}")
-    return replace(window, markers=np.where(use[:, None, None], window.markers, np.nan)) if said else window, said
+        cuts.append(Cut(window.id, early=False, seconds=span, gently=True))
+    return replace(window, markers=np.where(use[:, None, None], window.markers, np.nan)) if cuts else window, cuts
 
 
 def _beyond_chance(left: Remainder, *, early: bool) -> bool:
@@ -88,10 +119,6 @@ def _beyond_chance(left: Remainder, *, early: bool) -> bool:
         return False
     chance = SURPRISE * np.sqrt(2 / there.size + 2 / rest.size)
     return float(np.mean(there**2)) > (1 + chance) * float(np.mean(rest**2))
-
-
-_GENTLY = "are missed by more than noise, beside what a hand did"
-_WHY = "are missed by more than twice as much as the rest of it, as if a hand still touched"
 
 
 def _stands_out(left: Remainder, *, early: bool, noise: float) -> bool:

@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.frames import MarkerSet, free_frames
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.soft import fit_soft, working_noise
 from fidim_lab.identification.mle.starts.start import first_guess
-from fidim_lab.identification.mle.touched import untouched
+from fidim_lab.identification.mle.touched import Cut, together, untouched
 from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
@@ -132,12 +132,21 @@ def left_of(window: Window, sizes) -> Remainder:
 )
 def test_only_ends_that_stand_out_are_cut(swinging, sizes, first, last):
     window = swinging[0]
-    kept, said = untouched([window], {window.id: left_of(window, 1e-3 * np.array(sizes))}, noise=2e-4)
+    kept, cuts = untouched([window], {window.id: left_of(window, 1e-3 * np.array(sizes))}, noise=2e-4)
     assert kept[0].t[0] == pytest.approx(first, abs=0.011)
     assert kept[0].t[-1] == pytest.approx(last, abs=0.011)
-    assert len(said) == (first > 0) + (last < 1.5)
+    assert len(cuts) == (first > 0) + (last < 1.5)
     assert all(len(column) == len(kept[0].t) for column in kept[0].further.values())
-    assert all("window w1" in sentence for sentence in said)
+    assert all("window w1" in cut.says for cut in cuts)
+
+
+def test_what_was_cut_in_rounds_is_said_once():
+    rounds = [Cut("w1", early=False, seconds=s) for s in (1.67, 1.39, 1.16)]
+    first = Cut("w1", early=True, seconds=0.5, gently=True)
+    assert [cut.says[:42] for cut in together([rounds[0], first, *rounds[1:]])] == [
+        "The last 4.22 s of window w1 are missed by",
+        "The first 0.50 s that were kept of window ",
+    ]
 
 
 def test_model_error_counts_once_for_all_markers_and_a_while(meeting, swinging):
