@@ -41,7 +41,7 @@ NEAR_ONE = 0.8
 
 
 @dataclass(frozen=True)
-class Change:
+class ThresholdChange:
     """One threshold, changed by a factor."""
 
     stage: str
@@ -53,7 +53,7 @@ class Change:
         return f"{self.stage}.{self.name} × {self.factor:g}"
 
 
-UNCHANGED = Change("Shared", "enough", 1.0)
+UNCHANGED = ThresholdChange("Shared", "enough", 1.0)
 
 
 def changed(value: Any, factor: float) -> Any:
@@ -65,7 +65,7 @@ def changed(value: Any, factor: float) -> Any:
     return 1 - (1 - value) * factor if NEAR_ONE < value < 1 else value * factor
 
 
-def in_child(change: Change, cases: Sequence[str], cap: float) -> dict[str, Any]:
+def in_child(change: ThresholdChange, cases: Sequence[str], cap: float) -> dict[str, Any]:
     """Answers to these campaigns with one threshold changed, each with its CPU time and the thresholds it read."""
     found: dict[str, Any] = {}
     command = [sys.executable, "-m", "benchmarks.sensitivity", "--child", json.dumps(vars(change)), "--cap", str(cap)]
@@ -78,8 +78,8 @@ def in_child(change: Change, cases: Sequence[str], cap: float) -> dict[str, Any]
     return found
 
 
-def child(change: Change, cases: Sequence[str], cap: float) -> None:
-    """Change it before anything else is imported, and print each answer as a line."""
+def child(change: ThresholdChange, cases: Sequence[str], cap: float) -> None:
+    """ThresholdChange it before anything else is imported, and print each answer as a line."""
     read: set[str] = set()
     for stage, module in STAGES.items():
         watched = import_module(module)
@@ -109,11 +109,11 @@ def _watching(stage: str, read: set[str]) -> Any:
     return get
 
 
-def changes(stages: Sequence[str]) -> Iterator[Change]:
+def changes(stages: Sequence[str]) -> Iterator[ThresholdChange]:
     """Each threshold of these stages, halved and doubled."""
     for stage in stages:
         for one in fields(getattr(import_module(STAGES[stage]), f"{stage}Thresholds")):
-            yield from (Change(stage, one.name, factor) for factor in FACTORS)
+            yield from (ThresholdChange(stage, one.name, factor) for factor in FACTORS)
 
 
 def measured(stages: Sequence[str], cases: Sequence[str], known: dict[str, Any]) -> None:
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--cap", type=float, default=3600.0, help=argparse.SUPPRESS)
     chosen = parser.parse_args(arguments)
     if chosen.child is not None:
-        child(Change(**json.loads(chosen.child)), chosen.cases, chosen.cap)
+        child(ThresholdChange(**json.loads(chosen.child)), chosen.cases, chosen.cap)
         return
     known = json.loads(ANSWERS.read_text(encoding="utf-8")) if ANSWERS.exists() else {}
     if not chosen.page:

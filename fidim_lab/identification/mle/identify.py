@@ -29,7 +29,7 @@ from fidim_lab.identification.mle.starts.contradiction import contradicting
 from fidim_lab.identification.mle.touched import (
     IN_VAIN,
     LEFT_OUT,
-    Cut,
+    TouchedEnd,
     beside_cuts,
     left_by_window,
     together,
@@ -136,7 +136,7 @@ def _without_touched_ends(
     mechanism: Mechanism, begun: Fit, windows: list[Window]
 ) -> tuple[Fit, list[Window], tuple[str, ...]]:
     """The fit without what a hand still touched, if that leaves noise alone; else as it was. And what is said of it."""
-    found, kept, cuts = begun, windows, list[Cut]()
+    found, kept, cuts = begun, windows, list[TouchedEnd]()
     for _ in range(CUTS):
         shorter, cut = _shorter(kept, found)
         if all(new is old for new, old in zip(shorter, kept, strict=True)):
@@ -148,7 +148,7 @@ def _without_touched_ends(
     return begun, windows, tuple(f"{one.says}{IN_VAIN}" for one in together(cuts))
 
 
-def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[Cut]]:
+def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[TouchedEnd]]:
     """Without the ends that stand out by much; where little is missed, without those beside a cut."""
     if not misses_much(found):
         return beside_cuts(windows, found)

@@ -28,7 +28,7 @@ AS_IF = "as if a hand still touched"
 
 
 @dataclass(frozen=True)
-class Cut:
+class TouchedEnd:
     """An end of a window that is taken for touched."""
 
     window: str
@@ -47,9 +47,9 @@ class Cut:
         return f"{part} of window {self.window} are missed by more than twice as much as the rest of it, {AS_IF}"
 
 
-def together(cuts: Sequence[Cut]) -> tuple[Cut, ...]:
+def together(cuts: Sequence[TouchedEnd]) -> tuple[TouchedEnd, ...]:
     """What was cut in several rounds, once for each end and reason."""
-    sums: dict[Cut, float] = {}
+    sums: dict[TouchedEnd, float] = {}
     for cut in cuts:
         end = replace(cut, seconds=0.0)
         sums[end] = sums.get(end, 0.0) + cut.seconds
@@ -61,13 +61,15 @@ def left_by_window(found: Fit) -> dict[str, Remainder]:
     return {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
 
 
-def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: float) -> tuple[list[Window], list[Cut]]:
+def untouched(
+    windows: Sequence[Window], left: Mapping[str, Remainder], noise: float
+) -> tuple[list[Window], list[TouchedEnd]]:
     """The windows without touched ends, and what was cut.
 
     left: `left_by_window`; windows without are kept. noise: m; ends missed by less than twice that are kept.
     """
     kept: list[Window] = []
-    cuts: list[Cut] = []
+    cuts: list[TouchedEnd] = []
     for window in windows:
         remainder = left.get(window.id)
         if remainder is None:
@@ -77,19 +79,19 @@ def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: f
         span = PART * (end - begin)
         if _stands_out(remainder, early=True, noise=noise):
             begin += span
-            cuts.append(Cut(window.id, early=True, seconds=span))
+            cuts.append(TouchedEnd(window.id, early=True, seconds=span))
         if _stands_out(remainder, early=False, noise=noise):
             end -= span
-            cuts.append(Cut(window.id, early=False, seconds=span))
+            cuts.append(TouchedEnd(window.id, early=False, seconds=span))
         kept.append(_between(window, begin, end))
     return kept, cuts
 
 
-def beside_cuts(windows: Sequence[Window], found: Fit) -> tuple[list[Window], list[Cut]]:
+def beside_cuts(windows: Sequence[Window], found: Fit) -> tuple[list[Window], list[TouchedEnd]]:
     """The windows, shortened further where samples beside a cut are missed by more than chance; and what was cut."""
     left = left_by_window(found)
     kept: list[Window] = []
-    cuts: list[Cut] = []
+    cuts: list[TouchedEnd] = []
     for window in windows:
         shorter, of_window = _shorter(window, left[window.id]) if window.id in left else (window, [])
         kept.append(shorter)
@@ -97,18 +99,18 @@ def beside_cuts(windows: Sequence[Window], found: Fit) -> tuple[list[Window], li
     return kept, cuts
 
 
-def _shorter(window: Window, left: Remainder) -> tuple[Window, list[Cut]]:
+def _shorter(window: Window, left: Remainder) -> tuple[Window, list[TouchedEnd]]:
     seen = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
     begin, end = float(window.t[seen[0]]), float(window.t[seen[-1]])
     span = PART * (end - begin)
     use = np.ones(len(window.t), dtype=bool)
-    cuts: list[Cut] = []
+    cuts: list[TouchedEnd] = []
     if seen[0] > 0 and _beyond_chance(left, early=True):
         use &= window.t >= begin + span
-        cuts.append(Cut(window.id, early=True, seconds=span, gently=True))
+        cuts.append(TouchedEnd(window.id, early=True, seconds=span, gently=True))
     if seen[-1] < len(window.t) - 1 and _beyond_chance(left, early=False):
         use &= window.t <= end - span
-        cuts.append(Cut(window.id, early=False, seconds=span, gently=True))
+        cuts.append(TouchedEnd(window.id, early=False, seconds=span, gently=True))
     return replace(window, markers=np.where(use[:, None, None], window.markers, np.nan)) if cuts else window, cuts
 
 

@@ -72,7 +72,7 @@ def make_page(
     return Page(
         title=campaign.name,
         badges=_badges(contents, result),
-        summary=(*_summary(contents, result, trust), *_missing(explanation)),
+        summary=_summary(contents, result, trust, explanation),
         warnings=() if result is None else result.warnings,
         parameters=None if result is None else _parameters(contents, result),
         correlations=None if result is None else correlations(result),
@@ -111,19 +111,21 @@ def _badges(contents: Contents, result: IdentificationResult | None) -> tuple[st
     return (*badges, f"{sign} {result.outcome.name.lower().replace('_', ' ')} ({result.method.value})")
 
 
-def _summary(contents: Contents, result: IdentificationResult | None, trust: str) -> tuple[tuple[str, str], ...]:
+def _summary(
+    contents: Contents, result: IdentificationResult | None, trust: str, explanation: ExplanationSection | None
+) -> tuple[tuple[str, str], ...]:
+    """The body of the model that is complete comes first; what was identified without it is told beside that."""
     recorded = ("Recorded", words.recorded_sentence(contents))
+    left_out = () if explanation is None else (("Left out", explanation.sentence),)
     if result is None:
-        return (recorded, ("Found", "Nothing was identified."), ("Why", trust))
+        return (recorded, ("Found", "Nothing was identified."), ("Why", trust), *left_out)
     rows, gauge = tables.parameter_rows(result, _true(contents)), tables.gauge_rows(result, _true(contents))
-    sentences = [recorded, ("Found", words.found_sentence(rows, gauge)), ("Trust", trust)]
-    if beside := words.truth_sentence(rows):
-        sentences.append(("Truth", beside))
-    return tuple(sentences)
-
-
-def _missing(explanation: ExplanationSection | None) -> tuple[tuple[str, str], ...]:
-    return () if explanation is None else (("Left out", explanation.sentence),)
+    found, beside = words.found_sentence(rows, gauge), words.truth_sentence(rows)
+    if explanation is not None and explanation.completes:
+        without = " ".join(one for one in (found, trust, beside) if one)
+        return (recorded, ("Found", explanation.sentence), ("Without it", without))
+    truth = (("Truth", beside),) if beside else ()
+    return (recorded, ("Found", found), ("Trust", trust), *truth, *left_out)
 
 
 def _true(contents: Contents) -> Body | None:

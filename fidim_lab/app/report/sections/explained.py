@@ -30,6 +30,8 @@ class ExplanationSection:
     verdict: str
     sentence: str
     """for the page's summary"""
+    completes: bool
+    """whether it names what is missing, so that its body is the one to believe"""
     message: str
     next: str
     effects: tuple[ReportTable, ...]
@@ -49,6 +51,7 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
     return ExplanationSection(
         verdict=VERDICTS[found.verdict],
         sentence=explained_sentence(found),
+        completes=found.verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED),
         message=found.message,
         next=found.next_experiment or "",
         effects=tuple(effect_table(effect) for effect in found.effects),

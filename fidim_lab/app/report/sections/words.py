@@ -9,7 +9,6 @@ from fidim_lab.app.report.sections.numerals import counted, duration, interval, 
 from fidim_lab.app.report.sections.tables import stated
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.mismatch.conclusion.explanation import Verdict
-from fidim_lab.units import millimetres
 from procedures.outcomes import Outcome
 
 
@@ -62,15 +61,18 @@ def _with_cad(rows: tuple[ParameterRow, ...], unit: str) -> str:
 
 
 def explained_sentence(found: ExplanationTable) -> str:
-    """What `fidim explain` made of it, and the centre of mass with that: the summary's own is that of a sound model."""
+    """What `fidim explain` made of it, and the body with that."""
     held = found.held_out.chi2_per_dof
     better = f"held-out χ²/dof goes from {short(held.before)} to {short(held.after)}"
     if held.before is None or held.after is None:
         better = "no window was held out to prove it by"
     names = " and ".join(", ".join(one.label for one in found.effects).rsplit(", ", 1))
-    centre = [found.parameters[name] for name in PARAMETER_NAMES[:3]]
-    s = ", ".join(interval(millimetres(one.value), millimetres(one.sd)) for one in centre)
-    where = f"With it the centre of mass lies at s = ({s}) mm from P"
+    thousandths = [
+        interval(1e3 * found.parameters[name].value, 1e3 * found.parameters[name].sd) for name in PARAMETER_NAMES[:6]
+    ]
+    s, inertia = ", ".join(thousandths[:3]), ", ".join(thousandths[3:])
+    where = f"With it the centre of mass lies at s = ({s}) mm from P, and per unit mass I_xx, I_yy, I_zz about P are "
+    where += f"({inertia}) · 10⁻³ m²"
     match found.verdict:
         case Verdict.NOTHING_MISSING:
             return "fidim explain finds nothing missing from the model."

@@ -166,7 +166,11 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
     words = words_of(write_report(folder, result_of(dragged)).read_text())
     assert "Repeat it by night." in words
     said = "fidim explain names what is missing, air-drag-linear: held-out χ²/dof goes from 41 to 1.02. With it"
-    assert said in words[: words.index("Parameters")]  # in the summary
+    summary = words[: words.index("Parameters")]
+    assert summary.index("Found " + said) < summary.index("Without it The centre of mass")  # the body to believe leads
+    write_explanation(folder / "explanation.json", replace(explanation, verdict=Verdict.NOTHING_MISSING))
+    words = words_of(write_report(folder, result_of(dragged)).read_text())
+    assert words.index("Found The centre of mass") < words.index("Left out fidim explain finds nothing missing")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.frames import MarkerSet, free_frames
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.soft import fit_soft, working_noise
 from fidim_lab.identification.mle.starts.start import first_guess
-from fidim_lab.identification.mle.touched import Cut, together, untouched
+from fidim_lab.identification.mle.touched import TouchedEnd, together, untouched
 from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
@@ -141,8 +141,8 @@ def test_only_ends_that_stand_out_are_cut(swinging, sizes, first, last):
 
 
 def test_what_was_cut_in_rounds_is_said_once():
-    rounds = [Cut("w1", early=False, seconds=s) for s in (1.67, 1.39, 1.16)]
-    first = Cut("w1", early=True, seconds=0.5, gently=True)
+    rounds = [TouchedEnd("w1", early=False, seconds=s) for s in (1.67, 1.39, 1.16)]
+    first = TouchedEnd("w1", early=True, seconds=0.5, gently=True)
     assert [cut.says[:42] for cut in together([rounds[0], first, *rounds[1:]])] == [
         "The last 4.22 s of window w1 are missed by",
         "The first 0.50 s that were kept of window ",
