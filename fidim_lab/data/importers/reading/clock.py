@@ -69,11 +69,12 @@ def clocked(
     count the frames that an export at a lower rate left out. Raises FileError where numbers do not go on, or nothing
     says a rate.
     """
+    said = said if np.isnan(said) else check_rate(path, said)
     counted = frames - frames[0]
     step = float(np.median(np.diff(counted))) if len(counted) > 1 else 1.0
     fewer = counted / step if step > 1.0 and not (counted % step).any() else frames
     duration = float(stamps[-1] - stamps[0])
-    if not (np.isfinite(stamps).all() and (np.diff(stamps) > 0.0).all()):
+    if not (duration > 0.0 and np.isfinite(stamps).all() and (np.diff(stamps) > 0.0).all()):
         if np.isnan(said):
             raise FileError(path, "rate", "neither the header nor a column of times says a frame rate")
         return times(path, said, frames), said, None

@@ -1,6 +1,7 @@
 """Motive CSV, QTM TSV and TRC: one motion written by hand in each dialect, and any bytes without a traceback."""
 
 import contextlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,15 @@ def test_spoilt_bytes_are_a_file_error_or_read(kind: str, tmp_path: Path, data: 
     spoilt = text[:at] + data.draw(st.binary(max_size=12)) + text[at + data.draw(st.integers(0, 40)) :]
     with contextlib.suppress(FileError):
         MARKER_READERS[kind](written(tmp_path, spoilt))
+
+
+@pytest.mark.parametrize("kind", ["trc", "motive-csv", "qtm-tsv"])
+def test_a_rate_of_nothing_is_refused(kind: str, tmp_path: Path):
+    text = next(text for name, text in FILES.items() if name.startswith(kind))
+    nothing = re.sub(r"(Export Frame Rate,|FREQUENCY\t|Units[^\n]*\n)\d+(\.\d+)?", r"\g<1>0", text)
+    assert nothing != text
+    with pytest.raises(FileError, match="a frame rate of 0 Hz"):
+        MARKER_READERS[kind](written(tmp_path, nothing))
 
 
 def test_markers_are_told_apart_by_their_distances():
