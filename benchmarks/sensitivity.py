@@ -79,15 +79,13 @@ def in_child(change: ThresholdChange, cases: Sequence[str], cap: float) -> dict[
 
 
 def child(change: ThresholdChange, cases: Sequence[str], cap: float) -> None:
-    """ThresholdChange it before anything else is imported, and print each answer as a line."""
+    """Change it before anything else is imported, and print each answer as a line."""
     read: set[str] = set()
-    for stage, module in STAGES.items():
-        watched = import_module(module)
-        kind = getattr(watched, f"{stage}Thresholds")
-        (one,) = (value for value in vars(watched).values() if isinstance(value, kind))
+    for stage in STAGES:
+        one = _instance(stage)
         if stage == change.stage:
             object.__setattr__(one, change.name, changed(getattr(one, change.name), change.factor))
-        kind.__getattribute__ = _watching(stage, read)
+        type(one).__getattribute__ = _watching(stage, read)
     golden, explain = import_module("benchmarks.golden"), import_module("fidim_lab.mismatch.explain").explain
     import_module("fidim_lab.mismatch")
     at_import = set(read)
@@ -112,7 +110,7 @@ def _watching(stage: str, read: set[str]) -> Any:
 def changes(stages: Sequence[str]) -> Iterator[ThresholdChange]:
     """Each threshold of these stages, halved and doubled."""
     for stage in stages:
-        for one in fields(getattr(import_module(STAGES[stage]), f"{stage}Thresholds")):
+        for one in fields(_instance(stage)):
             yield from (ThresholdChange(stage, one.name, factor) for factor in FACTORS)
 
 

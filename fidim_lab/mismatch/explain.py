@@ -76,14 +76,14 @@ def explain(
     last_word = judged.named.model if whole.unknown is None else Completed((), whole.unknown.fit, whole=True)
     whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)
     audited = _audited(campaign, cleaned, reached, judged, whole)
-    soft = soft_mode(audited.campaign) if whole.verdict in OPEN else None
-    if whole.verdict in OPEN and (soft is not None or not _has_law(whole, audited)):
-        searched = last.cleaned.campaign
+    if whole.verdict in OPEN:
+        soft, searched = soft_mode(audited.campaign), last.cleaned.campaign
         common = partial(rigid, searched, reached.mechanism)
         if soft is not None:
             whole, searched = _on_rigid_cables(whole, soft), audited.campaign
             common = partial(elastic, searched, soft)
-        whole = with_whole_motion(whole, searched, common, say, without)
+        if soft is not None or not _has_law(whole, audited):
+            whole = with_whole_motion(whole, searched, common, say, without)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 

@@ -34,12 +34,11 @@ def stop_command(rig: Path | None, reason: str, not_understood: str = "", json_f
 
     not_understood: what was typed besides; with it, or with a rig file that cannot be read, all services are stopped.
     """
-    places, doubt = all_places(), f"“{printable(not_understood)}” is not understood" if not_understood else ""
-    if rig is not None and not doubt:
-        try:
-            places = places_for(rig)
-        except SetupError as error:
-            doubt = str(error).rstrip(".")
+    doubt = f"“{printable(not_understood)}” is not understood" if not_understood else ""
+    try:
+        places = places_for(None if doubt else rig)
+    except SetupError as error:
+        places, doubt = all_places(), str(error).rstrip(".")
     if doubt:
         console.err.print(f"{doubt}: stopping all your services.", markup=False)
     found = running(places)

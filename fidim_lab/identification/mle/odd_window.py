@@ -58,7 +58,7 @@ def costs_much(found: Fit, without: Fit, window: str) -> bool:
 
 
 def misses_much(found: Fit) -> bool:
-    """Whether a window that contradicts the others may be left out."""
+    """Whether more than a little is missed: χ²/dof of `MISFIT` and beyond."""
     return found.excess >= MISFIT
 
 

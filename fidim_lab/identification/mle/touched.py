@@ -23,8 +23,6 @@ FAR_MORE = 2.0
 """times the rms of the rest: 3 and 4.6 where a hand brakes the end, 1.4 where drag or friction is missing"""
 LEFT_OUT = ": they were left out."
 IN_VAIN = "; without them, too, something is left."
-BESIDE = "beside what a hand did"
-AS_IF = "as if a hand still touched"
 
 
 @dataclass(frozen=True)
@@ -41,10 +39,11 @@ class TouchedEnd:
     @property
     def says(self) -> str:
         """A sentence without its end (`LEFT_OUT`)."""
-        part = f"The {'first' if self.early else 'last'} {self.seconds:.2f} s"
+        kept, why = "", "twice as much as the rest of it, as if a hand still touched"
         if self.gently:
-            return f"{part} that were kept of window {self.window} are missed by more than noise, {BESIDE}"
-        return f"{part} of window {self.window} are missed by more than twice as much as the rest of it, {AS_IF}"
+            kept, why = " that were kept", "noise, beside what a hand did"
+        part = f"The {'first' if self.early else 'last'} {self.seconds:.2f} s{kept} of window {self.window}"
+        return f"{part} are missed by more than {why}"
 
 
 def together(cuts: Sequence[TouchedEnd]) -> tuple[TouchedEnd, ...]:

@@ -8,7 +8,6 @@ noise, no further ones are looked for beside them.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +31,8 @@ class LoneWrench:
         self._baseline, self._campaign, self._say = baseline, campaign, say
         self.found: UnknownForce | None = None
         """without terms where no wrench does nearly all; None before it was sought, and where none can be sought"""
+        self._judged: Candidate | None = None
+        """the model with it; None where it has no terms, or predicts no window"""
 
     def seek(self, short: Sequence[Completed]) -> "LoneWrench":
         """Find it, unless it was found before or these models cannot be stand-ins for it; returns itself.
@@ -40,6 +41,7 @@ class LoneWrench:
         """
         if self.found is None and _may_be_stand_ins(short):
             self.found = wrench_beside(self._baseline, self._campaign, short[0].label, self._say, alone=True)
+            self._judged = None if self.found is None else self._judge(self.found)
         return self
 
     def outdoes(self, short: Sequence[Completed]) -> bool:
@@ -48,7 +50,7 @@ class LoneWrench:
         short: of the first seconds, the best first.
         """
         found, judged = self.found, self._judged
-        if not _may_be_stand_ins(short) or found is None or judged is None or not judged.is_white:
+        if found is None or judged is None or not (judged.is_white and _may_be_stand_ins(short)):
             return False
         return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > SHARED.enough for one in short)
 
@@ -57,12 +59,10 @@ class LoneWrench:
         """Whether it was found, and nothing but noise is left of all windows."""
         return self._judged is not None and self._judged.is_white
 
-    @cached_property
-    def _judged(self) -> Candidate | None:
-        """The model with it."""
-        if self.found is None or not self.found.terms or not self.found.after.dof:
+    def _judge(self, found: UnknownForce) -> Candidate | None:
+        if not found.terms or not found.after.dof:
             return None
-        model = Completed((), self.found.fit, whole=True)
+        model = Completed((), found.fit, whole=True)
         return candidate(model, predict(model, self._campaign.of_role(Role.VALIDATE)))
 
 
