@@ -10,6 +10,7 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
+from fidim_lab.arrays import PerCable
 from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.records import Alignment, Campaign, Role, Window
 from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
@@ -48,6 +49,7 @@ class WindowTable(Table):
     role: Role
     equilibrium: tuple[float, float, float] | None = None
     lengths: Literal["encoders", "poses"] = "encoders"
+    encoder_zeros: tuple[float, ...] | None = None
 
 
 class CampaignTable(Table):
@@ -70,6 +72,8 @@ class IndexEntry:
     suffix: str = ".csv"
     """of the window's file: .csv or .mcap"""
     lengths_by_poses: bool = False
+    """as `Window` has it"""
+    encoder_zeros: PerCable | None = None
     """as `Window` has it"""
 
     @property
@@ -195,6 +199,7 @@ def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) ->
     read = READERS.get(path.suffix)
     if read is None:
         raise FileError(folder / INDEX, f"window {entry.id}, file", f"{entry.file!r} is not a .csv or .mcap file")
+    _check_zeros(folder / INDEX, entry, cables)
     columns = read(path, cables)
     _check_seen(path, columns)
     found = columns.markers.shape[1]
@@ -210,7 +215,20 @@ def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) ->
         equilibrium=None if entry.equilibrium is None else np.array(entry.equilibrium),
         further=columns.further,
         lengths_by_poses=entry.lengths == "poses",
+        encoder_zeros=None if entry.encoder_zeros is None else np.array(entry.encoder_zeros),
     )
+
+
+def _check_zeros(index: Path, entry: WindowTable, cables: int) -> None:
+    """Raises FileError for zeros that are not one number for each cable, or stand beside lengths that have theirs."""
+    zeros, where = entry.encoder_zeros, f"window {entry.id}, encoder_zeros"
+    if zeros is None:
+        return
+    if entry.lengths != "poses":
+        raise FileError(index, where, 'only a window with lengths = "poses" has zeros of its own')
+    if len(zeros) != cables or not np.isfinite(zeros).all():
+        what = f"{len(zeros)} numbers; {cables} finite ones are expected, m, one for each cable"
+        raise FileError(index, where, what)
 
 
 def refuse_taken(out: Path) -> None:
@@ -226,7 +244,9 @@ def write_campaign(
     (folder / "windows").mkdir(parents=True, exist_ok=True)
     (folder / ALIGNMENT).unlink(missing_ok=True)
     write_robot(folder / ROBOT, campaign.robot, comment=robot_comment)
-    entries = [IndexEntry(w.id, w.role, w.equilibrium, suffix, w.lengths_by_poses) for w in campaign.windows]
+    entries = [
+        IndexEntry(w.id, w.role, w.equilibrium, suffix, w.lengths_by_poses, w.encoder_zeros) for w in campaign.windows
+    ]
     for window, entry in zip(campaign.windows, entries, strict=True):
         columns = WindowColumns(window.t, window.markers, window.lengths, window.currents, window.further)
         if suffix == ".csv":
@@ -256,4 +276,6 @@ def _entry_table(entry: IndexEntry) -> dict[str, object]:
         table["equilibrium"] = [round(float(v), 6) for v in entry.equilibrium]
     if entry.lengths_by_poses:
         table["lengths"] = "poses"
+    if entry.encoder_zeros is not None:
+        table["encoder_zeros"] = [round(float(v), 7) for v in entry.encoder_zeros]
     return table

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fidim_lab.arrays import CableSeries, Inertia6, Matrix3, Positions, Rotations, Series, Twists, Vector3
+from fidim_lab.arrays import CableSeries, Inertia6, Matrix3, PerCable, Positions, Rotations, Series, Twists, Vector3
 
 PARAMETER_NAMES = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
 """The base inertial parameters χ[1:] of Eq. 22, in the paper's order; inertia per unit mass, about P."""
@@ -240,6 +240,9 @@ class Window:
     lengths_by_poses: bool = False
     """the lengths, or their zeros, were computed from the markers with the robot file's geometry: they repeat what the
     markers say and are no measurement of their own"""
+    encoder_zeros: PerCable | None = None
+    """(n,) m: what was added to the encoders' readings so that they agree with the poses; the readings, without it,
+    differ from the true lengths by the same in all windows of a session. None where none were read"""
 
     @property
     def duration(self) -> float:

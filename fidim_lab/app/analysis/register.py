@@ -13,7 +13,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.robot_file import write_robot
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.calibration.register_campaign import (
     CURE,
     Registered,
@@ -22,6 +22,9 @@ from fidim_lab.identification.calibration.register_campaign import (
 )
 from fidim_lab.identification.cleaning.clean import without_bad_samples
 from fidim_lab.identification.data_checks.placed import moved_in_words
+from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
+from fidim_lab.identification.mle.geometry_words import encoders_say
+from fidim_lab.identification.results.result import Geometry
 from fidim_lab.units import plain
 
 GOOD = 4.0
@@ -35,7 +38,10 @@ def register_command(folders: Sequence[Path], out: Path, json_file: Path | None)
     """
     campaigns = [without_bad_samples(read_campaign(folder)).campaign for folder in folders]
     _refuse_several(campaigns, folders)
-    found = register_campaigns(campaigns)
+    try:
+        found = register_campaigns(campaigns)
+    except RefusedError as refusal:
+        raise RefusedError(refusal.message + _by_encoders(campaigns), hint=refusal.hint) from refusal
     console.out.print(summary(campaigns[0], found))
     good = found.best.chi2_per_dof < GOOD
     if good:
@@ -44,6 +50,12 @@ def register_command(folders: Sequence[Path], out: Path, json_file: Path | None)
         console.out.print(f"Robot file  {out}", markup=False)
     write_answer(json_file, "fidim-registration/1", to_json(found))
     return 0 if good else 1
+
+
+def _by_encoders(campaigns: Sequence[Campaign]) -> str:
+    """What encoders with unknown zeros say of each campaign's anchors all the same."""
+    heard = ((one, encoders_say(Geometry(0.0, encoders=anchors_by_encoders([one])))) for one in campaigns)
+    return "".join(f" {one.name}: {says}" for one, says in heard if says)
 
 
 def _refuse_several(campaigns: Sequence[Campaign], folders: Sequence[Path]) -> None:

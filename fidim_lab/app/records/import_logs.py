@@ -65,6 +65,8 @@ class FromLog:
     words: str
     doubt: str = ""
     """why the log cannot be meant; empty where nothing speaks against it"""
+    zeros: np.ndarray | None = None
+    """(n,) m, what was added to the log's lengths; None without a log"""
 
 
 def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> FromLog:
@@ -81,11 +83,13 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
         what = f"{take.log.source.name} does not reach over this window: lengths are the median of what the poses say"
         return FromLog(np.tile(held, (int(rows.sum()), 1)), None, what)
     currents = None if take.log.currents is None else _at(take.log, take.log.currents, at)
-    lengths = counted - np.nanmedian(counted, axis=0) + held
+    zeros = held - np.nanmedian(counted, axis=0)
     seen = mechanism.lengths(posed.positions[known], posed.rotations[known])
     doubt = too_much_motion(counted, seen)
     words = f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
-    return FromLog(lengths, currents, words, f"{take.log.source.name}: {doubt}" if doubt else "")
+    if doubt:
+        return FromLog(counted + zeros, currents, words, f"{take.log.source.name}: {doubt}")
+    return FromLog(counted + zeros, currents, words, zeros=zeros)
 
 
 def too_much_motion(counted: np.ndarray, seen: np.ndarray) -> str:

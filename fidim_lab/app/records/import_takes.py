@@ -97,7 +97,14 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
         role = take.role or Role.IDENTIFY
         windows.append(
             Window(
-                name, role, posed.t[rows], posed.markers[rows], by_log.lengths, by_log.currents, lengths_by_poses=True
+                name,
+                role,
+                posed.t[rows],
+                posed.markers[rows],
+                by_log.lengths,
+                by_log.currents,
+                lengths_by_poses=True,
+                encoder_zeros=by_log.zeros,
             )
         )
     return TakeWindows(take, tuple(windows), said, tuple(warnings))

@@ -19,6 +19,7 @@ from fidim_lab.identification.joint.fit import FRICTION, Alone, alone, fit_joint
 from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import Common, in_common
 from fidim_lab.identification.joint.words import message, warnings
+from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
 from fidim_lab.identification.mle.judge import Remainder
@@ -87,7 +88,7 @@ def identify_jointly(campaigns: Sequence[Campaign], *, native: bool = False, pre
     cross = cross_predictions(common, whole, native=native) if predict else ()
     ended = _outcome(whole, figures)
     windows = _verdicts(common, whole, singles, cross)
-    geometry = _geometry(whole)
+    geometry = replace(_geometry(whole), encoders=anchors_by_encoders(common.campaigns, common.anchors))
     result = IdentificationResult(
         campaign=" + ".join(campaign.name for campaign in campaigns),
         method=Method.MLE,

@@ -11,7 +11,7 @@ from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
-from fidim_lab.identification.mle.geometry_words import furthest
+from fidim_lab.identification.mle.geometry_words import encoders_say, furthest
 from fidim_lab.identification.results.result import Geometry, ResultOutcome
 from fidim_lab.identification.survey import TYPICAL_ANCHOR
 from fidim_lab.units import millimetres, plain
@@ -57,8 +57,7 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
             f"{whole.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors by the evidence of the recordings."
         )
     misfit = whole.chi2_per_dof > whole.noise_ratio**2 * MISFIT
-    if says := furthest(geometry, explained=not misfit):
-        said.append(says)
+    said += [says for says in (furthest(geometry, explained=not misfit), encoders_say(geometry)) if says]
     said += [
         f"{one.campaign}/{one.window} cannot be predicted: {one.why}"
         for each in cross

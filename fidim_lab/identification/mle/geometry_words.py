@@ -37,10 +37,11 @@ def told_geometry(surveyed: Surveyed, sd: Float[np.ndarray, " shared"] | None = 
 
 def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     """Whether the file's geometry holds, what is off most, and what no recording shows."""
+    by_encoders = (says,) if (says := encoders_say(told)) else ()
     if not surveyed.geometry:
-        return ()
+        return by_encoders
     explained = surveyed.found.excess <= MISFIT
-    details = [says for says in (furthest(told, explained=explained), _unseen(surveyed, told)) if says]
+    details = [says for says in (furthest(told, explained=explained), *by_encoders, _unseen(surveyed, told)) if says]
     weighed = surveyed.weighed
     if weighed.log_bayes is None:
         return tuple(details)
@@ -101,6 +102,27 @@ def furthest(told: Geometry, *, explained: bool) -> str:
         f"The fit moved {'; '.join(named)}; but it does not explain the recordings, and geometry that is left open "
         "takes up a part of whatever is missing. Whether it is off is not known before that is named (fidim explain)."
     )
+
+
+def encoders_say(told: Geometry) -> str:
+    """Anchors that the encoders ask to move, in a sentence; nothing where they agree with the robot file.
+
+    No fit has used their readings: a fit that moves an anchor the same way is confirmed by them.
+    """
+    moved = {one.cable: np.array(one.by) for one in told.moved if one.what == "anchor"}
+    said: list[str] = []
+    for one in sorted(told.encoders, key=lambda one: -one.log_odds):
+        if one.log_odds < ODDS:
+            break
+        by, sd = (", ".join(plain(millimetres(value), 2) for value in values) for values in (one.by, one.sd))
+        same = one.cable in moved and float(moved[one.cable] @ np.array(one.by)) > 0.0
+        scatter, left = (plain(millimetres(value), 2) for value in (one.scatter, one.left))
+        says = (
+            f"the zero of cable {one.cable} differs by {scatter} mm (sd) between {one.windows} windows with the robot "
+            f"file's geometry, and by {left} mm with its anchor moved by ({by}) ± ({sd}) mm"
+        )
+        said.append(f"{says}, the way the fit moves it" if same else says)
+    return f"The encoders, whose readings no fit uses: {'; '.join(said)}." if said else ""
 
 
 def _unseen(surveyed: Surveyed, told: Geometry) -> str:

@@ -18,6 +18,7 @@ from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.problem import Problem, build
 from fidim_lab.identification.mle import findings, held_out
+from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import Surveyed, begin_surveyed, fit_surveyed
@@ -78,7 +79,8 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
     predicted = odd | _held_out(campaign, found, soft, odd) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
-    figures, geometry = figures_of(found, campaign.robot.nominal), told_geometry(surveyed)
+    figures = figures_of(found, campaign.robot.nominal)
+    geometry = replace(told_geometry(surveyed), encoders=anchors_by_encoders([campaign]))
     outcome = findings.outcome(found, figures, windows)
     return IdentificationResult(
         campaign=campaign.name,

@@ -114,6 +114,25 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class AnchorByEncoder:
+    """What the encoder of one cable says of its anchor, its zero unknown: a witness that no fit has heard."""
+
+    cable: int
+    """1-based"""
+    windows: int
+    """in which it was read"""
+    scatter: float
+    """m, standard deviation of its zero over the windows with the robot file's geometry"""
+    left: float
+    """m, the same with the anchor moved"""
+    by: tuple[float, float, float]
+    """m, world frame: how far the anchor is moved then"""
+    sd: tuple[float, float, float]
+    log_odds: float
+    """nats for an anchor as far off as this asks for, over the file's"""
+
+
+@dataclass(frozen=True)
 class Geometry:
     """What the recordings say of the robot file's geometry."""
 
@@ -123,6 +142,8 @@ class Geometry:
     """everything that was left open; nothing where the file's geometry counts as exact"""
     stated: bool = False
     """whether the robot file states a survey"""
+    encoders: tuple[AnchorByEncoder, ...] = ()
+    """of each cable, where encoders with unknown zeros were read in several windows"""
 
     @property
     def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:
@@ -133,7 +154,8 @@ class Geometry:
     def table(self) -> dict[str, Any]:
         """As spec/formats.md has it."""
         moved = [{"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)} for one in self.moved]
-        return {"chi2_gain": self.chi2_gain, "moved": moved}
+        encoders = {"encoders": [vars(one) for one in self.encoders]} if self.encoders else {}
+        return {"chi2_gain": self.chi2_gain, "moved": moved, **encoders}
 
 
 @dataclass(frozen=True, eq=False)

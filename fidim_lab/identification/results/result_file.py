@@ -86,11 +86,24 @@ class MovedTable(_Strict):
     sd: tuple[float, ...]
 
 
+class EncoderTable(_Strict):
+    """One of `geometry.encoders`: what the encoder of a cable says of its anchor, m."""
+
+    cable: int
+    windows: int
+    scatter: float
+    left: float
+    by: tuple[float, float, float]
+    sd: tuple[float, float, float]
+    log_odds: float
+
+
 class GeometryTable(_Strict):
     """`geometry`: what the recordings say of the robot file's geometry."""
 
     chi2_gain: float
     moved: tuple[MovedTable, ...]
+    encoders: tuple[EncoderTable, ...] = ()
 
     @property
     def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:

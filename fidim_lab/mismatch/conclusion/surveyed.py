@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Robot
+from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.evidence import SPREAD_OF_FACTORS, GeometryOdds
 from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
-from fidim_lab.identification.mle.geometry_words import furthest, told_geometry
+from fidim_lab.identification.mle.geometry_words import encoders_say, furthest, told_geometry
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, Nuisance
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
@@ -42,6 +43,7 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
     same = (exact.whole is None) == (baseline.whole is None)
     gained = gain / max(1.0, baseline.fit.chi2_per_dof) if same else 0.0
     geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, GeometryOdds(chi2_gain=gained)))
+    geometry = replace(geometry, encoders=anchors_by_encoders([exact.campaign]))
     wrong = is_wrong(baseline.geometry, robot)
     says = geometry_says(geometry, robot, wrong, judged.named.model.fit.excess <= MISFIT)
     told = replace(told, geometry=replace(geometry, stated=robot.survey is not None), message=f"{told.message} {says}")
@@ -60,9 +62,16 @@ def is_wrong(opened: Sequence[Nuisance], robot: Robot) -> bool:
 
 
 def geometry_cause(geometry: Geometry) -> NamedCause:
-    """The class, by the anchor or attachment that is off most in its own sd."""
+    """The class, by the anchor or attachment that is off most in its own sd; encoders are heard beside the motion."""
     pieces = [one for one in geometry.moved if one.what in ("anchor", "attachment")]
-    most = max(pieces, key=lambda one: float(np.max(np.abs(one.by) / np.array(one.sd))))
+    heard: dict[tuple[str, int | None], float] = {
+        ("anchor", one.cable): max(0.0, one.log_odds) for one in geometry.encoders
+    }
+
+    def nats(one: Moved) -> float:
+        return 0.5 * float(np.max(np.abs(one.by) / np.array(one.sd))) ** 2 + heard.get((one.what, one.cable), 0.0)
+
+    most = max(pieces, key=nats)
     id = f"{most.what}-offset"
     pairs = zip("xyz", most.by, most.sd, strict=True)
     parameters = {f"d{axis}": EffectParameter(by, sd, "m") for axis, by, sd in pairs}
@@ -79,6 +88,7 @@ def geometry_says(geometry: Geometry, robot: Robot, wrong: bool, explained: bool
     sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)
     head = "The robot file's survey is counted" if robot.survey is not None else "The robot file's geometry is off"
     said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry, explained=explained)}".rstrip()
+    said = f"{said} {encoders_say(geometry)}".rstrip()
     if robot.survey is not None:
         return said
     times = _rms(geometry.moved, "anchor") / TYPICAL_ANCHOR if "anchor" in kinds else 1.0

@@ -7,6 +7,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.evidence import ODDS, GeometryOdds
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
@@ -76,7 +77,7 @@ def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Expl
     sd = best.sd(outcome.temper)
     effects = tuple(_cause(outcome, k, sd) for k in range(len(best.terms)))
     exact = _exact(outcome)
-    geometry = _geometry(outcome, exact, sd)
+    geometry = _geometry(outcome, exact, sd, campaign)
     # what the file's own survey leaves open is no cause
     named = robot.survey is None and (is_wrong(best.geometry, robot) or taken(exact, best) > SHARED.some)
     if geometry is not None and named:
@@ -137,12 +138,13 @@ def _exact(outcome: SearchOutcome) -> WholeModel:
     return next((one for one in outcome.tried if one.terms == best.terms and not one.geometry), outcome.base)
 
 
-def _geometry(outcome: SearchOutcome, exact: WholeModel, sd: np.ndarray) -> Geometry | None:
+def _geometry(outcome: SearchOutcome, exact: WholeModel, sd: np.ndarray, campaign: Campaign) -> Geometry | None:
     best = outcome.best
     if not best.geometry:
         return None
     weighed = GeometryOdds(chi2_gain=(exact.cost - best.cost) / outcome.temper)
-    return told_geometry(Surveyed(best.found, best.geometry, weighed), sd)
+    told = told_geometry(Surveyed(best.found, best.geometry, weighed), sd)
+    return replace(told, encoders=anchors_by_encoders([campaign]))
 
 
 def _body(model: WholeModel, sd: np.ndarray, robot: Robot) -> dict[str, BodyParameter]:

@@ -174,3 +174,21 @@ def test_a_window_with_less_than_half_of_its_time_sampled_is_refused(
     says = rf"w0\{suffix}: sample 31, t: no sample for {gap + 0.01:.2f} s after t = 0\.29 s; .* and half must\."
     with pytest.raises(FileError, match=says):
         read_campaign(tmp_path)
+
+
+def test_zeros_of_encoders_come_back_and_mistakes_in_them_are_named(tmp_path: Path, campaign: Campaign) -> None:
+    zeros = np.linspace(1.5, 1.8, campaign.robot.n)
+    window = replace(campaign.windows[0], lengths_by_poses=True, encoder_zeros=zeros)
+    write_campaign(tmp_path, replace(campaign, windows=(window,)))
+    np.testing.assert_allclose(read_campaign(tmp_path).windows[0].encoder_zeros, zeros, atol=1e-7)
+    index = tmp_path / "campaign.toml"
+    text = index.read_text()
+    for wrong, says in (
+        (text.replace('lengths = "poses"\n', "").replace('lengths = "poses", ', ""), "zeros of its own"),
+        (re.sub(r"encoder_zeros = \[.*?\]", "encoder_zeros = [1.0]", text, flags=re.DOTALL), "1 numbers"),
+        (re.sub(r"encoder_zeros = \[\s*[\d.]+", "encoder_zeros = [nan", text), "finite"),
+    ):
+        assert wrong != text
+        index.write_text(wrong)
+        with pytest.raises(FileError, match=says):
+            read_campaign(tmp_path)

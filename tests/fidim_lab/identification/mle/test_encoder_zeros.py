@@ -1,0 +1,81 @@
+"""Encoders whose zeros nobody knows: they tell an anchor that is off, and keep silent where the file is right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Campaign
+from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
+from fidim_lab.identification.mle.evidence import ODDS
+from fidim_lab.identification.mle.geometry_words import encoders_say
+from fidim_lab.identification.results.result import Geometry, Moved
+from fidim_lab.model.mechanism import Mechanism
+
+OFF = np.array([0.02, -0.004, 0.003])
+"""m, of the anchor of cable 2"""
+SCATTER = 3e-4
+"""m, of what an encoder counts from window to window"""
+
+
+@pytest.fixture
+def with_zeros(recorded, exact_motions):
+    """The campaign beside a robot file with one anchor off by so much, its encoders read from a zero of their own."""
+
+    def make(off: np.ndarray, seed: int, zero: float = 1.5) -> Campaign:
+        campaign = recorded(noise=1e-4, cluster=True, seed=seed)
+        cables = list(campaign.robot.cables)
+        cables[1] = replace(cables[1], d=cables[1].d - off)
+        file = Mechanism(replace(campaign.robot, cables=tuple(cables)))
+        random = np.random.default_rng(seed)
+        windows = []
+        for window, (lengths, motion) in zip(campaign.windows, exact_motions, strict=True):
+            counted = lengths - zero + SCATTER * random.standard_normal(len(lengths))
+            held = np.median(file.lengths(motion.positions, motion.rotations), axis=0)
+            said = np.tile(held, (len(window.t), 1))
+            windows.append(replace(window, lengths=said, lengths_by_poses=True, encoder_zeros=held - counted))
+        return replace(campaign, robot=file.robot, windows=tuple(windows))
+
+    return make
+
+
+def test_an_anchor_that_is_off_is_told_with_its_place(with_zeros):
+    found = {one.cable: one for one in anchors_by_encoders([with_zeros(OFF, 1)])}
+    told = found[2]
+    assert told.log_odds > ODDS
+    assert told.log_odds > max(one.log_odds for cable, one in found.items() if cable != 2) + ODDS
+    assert (np.abs(np.array(told.by) - OFF) < 4 * np.array(told.sd)).all()
+    assert told.left < 0.2 * told.scatter
+    assert told.windows == 5
+
+
+def test_a_right_file_is_let_alone(with_zeros):
+    nothing_moved = Geometry(0.0)
+    for seed in range(8):
+        found = anchors_by_encoders([with_zeros(np.zeros(3), seed)])
+        assert encoders_say(replace(nothing_moved, encoders=found)) == ""
+
+
+def test_campaigns_pool_an_anchor_and_keep_their_zeros(with_zeros):
+    first, second = with_zeros(OFF, 1), with_zeros(OFF, 2, zero=0.2)
+    alone = anchors_by_encoders([first])[1]
+    n = first.robot.n
+    together = anchors_by_encoders([first, second], [range(n), range(n)])[1]
+    assert together.windows == 10
+    assert together.log_odds > alone.log_odds
+    assert (np.abs(np.array(together.by) - OFF) < 4 * np.array(together.sd)).all()
+
+
+def test_few_windows_or_none_that_were_read_say_nothing(with_zeros, recorded):
+    campaign = with_zeros(OFF, 1)
+    assert anchors_by_encoders([replace(campaign, windows=campaign.windows[:3])]) == ()
+    assert anchors_by_encoders([recorded()]) == ()
+
+
+def test_a_sentence_tells_anchor_and_whether_the_fit_agrees(with_zeros):
+    heard = anchors_by_encoders([with_zeros(OFF, 1)])
+    sd = (1e-3, 1e-3, 1e-3)
+    same, other = (Geometry(0.0, (Moved("anchor", 2, by, sd),), encoders=heard) for by in ((0.01, 0, 0), (-0.01, 0, 0)))
+    assert "the zero of cable 2 differs by" in encoders_say(same)
+    assert encoders_say(same).endswith("the way the fit moves it.")
+    assert not encoders_say(other).endswith("the way the fit moves it.")
