@@ -31,7 +31,6 @@ from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import Judged, judge
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.fitting.baseline import Baseline, ready
-from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import check_known
 from fidim_lab.mismatch.rounds import Reached, Rounds
 from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
@@ -72,8 +71,7 @@ def explain(
     told = with_geometry(told, last.baseline, reached.exact, judged)
     told = with_readings(told, reached.errors, cleaned)
     told = with_timing(told, judged.named.model, put_right=last.retimed)
-    whole = with_unknown(told, judged.named, last.cleaned.campaign, say, judged.outdone_by)
-    last_word = judged.named.model if whole.unknown is None else Completed((), whole.unknown.fit, whole=True)
+    whole, last_word = with_unknown(told, judged, last.cleaned.campaign, say)
     whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)
     audited = _audited(campaign, cleaned, reached, judged, whole)
     if whole.verdict in OPEN:
@@ -82,7 +80,7 @@ def explain(
         if soft is not None:
             whole, searched = _on_rigid_cables(whole, soft), audited.campaign
             common = partial(elastic, searched, soft)
-        if soft is not None or not _has_law(whole, audited):
+        if soft is not None or not _has_law(whole, judged, audited):
             whole = with_whole_motion(whole, searched, common, say, without)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
@@ -109,12 +107,13 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     return audited
 
 
-def _has_law(told: Explanation, audited: Cleaned) -> bool:
+def _has_law(told: Explanation, judged: Judged, audited: Cleaned) -> bool:
     """Whether a law without a name takes most of what is missing, and the kinematics are as the robot file says.
 
     Then only a force is missing; all effects that are known were tried for it.
     """
-    return told.unknown is not None and told.unknown.halves and not audited.screening.contradicts_kinematics
+    halves = judged.law is not None if told.unknown is None else told.unknown.halves
+    return halves and not audited.screening.contradicts_kinematics
 
 
 def _on_rigid_cables(told: Explanation, soft: str) -> Explanation:

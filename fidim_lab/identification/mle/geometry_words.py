@@ -41,7 +41,10 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     if not surveyed.geometry:
         return by_encoders
     explained = surveyed.found.excess <= MISFIT
-    details = [says for says in (furthest(told, explained=explained), *by_encoders, _unseen(surveyed, told)) if says]
+    moved = furthest(told, explained=explained)
+    if moved and not explained:
+        moved = f"{moved} Whether it is off is not known before that is named (fidim explain)."
+    details = [says for says in (moved, *by_encoders, _unseen(surveyed, told)) if says]
     weighed = surveyed.weighed
     if weighed.log_bayes is None:
         return tuple(details)
@@ -99,8 +102,8 @@ def furthest(told: Geometry, *, explained: bool) -> str:
     if explained:
         return f"Clearly off: {'; '.join(named)}."
     return (
-        f"The fit moved {'; '.join(named)}; but it does not explain the recordings, and geometry that is left open "
-        "takes up a part of whatever is missing. Whether it is off is not known before that is named (fidim explain)."
+        f"The fit moved {'; '.join(named)}; but it leaves more than noise, and geometry that is left open takes up a "
+        "part of whatever is missing."
     )
 
 

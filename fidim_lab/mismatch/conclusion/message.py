@@ -193,7 +193,9 @@ def _law_without_a_name(model: Completed) -> str:
     for k, tried in enumerate(model.tried):
         if tried.effect.id == UnknownEffect.id:
             values = zip(tried.effect.parameters, *model.theta_of(k), strict=True)
-            sizes = ", ".join(f"{p.name} = {value:.3g} ± {sd:.2g} {p.unit}" for p, value, sd in values)
+            sizes = ", ".join(
+                f"{p.name} = {value:.3g} ± {sd:.2g} {p.unit}".removesuffix(" 1") for p, value, sd in values
+            )
             said += f" It is like {tried.effect.variant}: {tried.effect.says}, {sizes}."
     return said
 

@@ -88,13 +88,14 @@ def geometry_says(geometry: Geometry, robot: Robot, wrong: bool, explained: bool
     sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)
     head = "The robot file's survey is counted" if robot.survey is not None else "The robot file's geometry is off"
     said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry, explained=explained)}".rstrip()
-    said = f"{said} {encoders_say(geometry)}".rstrip()
+    by_encoders = f" {encoders_say(geometry)}".rstrip()
     if robot.survey is not None:
-        return said
+        return said + by_encoders
     times = _rms(geometry.moved, "anchor") / TYPICAL_ANCHOR if "anchor" in kinds else 1.0
     size = "as ordinary surveys are" if times < np.exp(SPREAD_OF_FACTORS) else "more than ordinary surveys miss"
     size = "far beyond an ordinary survey" if wrong else size
-    return f"{said} That is {size}. It was fitted with the body, and the ± count it: state [survey] in the robot file."
+    said = f"{said} That is {size}. It was fitted with the body, and the ± count it: state [survey] in the robot file."
+    return said + by_encoders
 
 
 def _rms(moved: tuple[Moved, ...], kind: str) -> float:

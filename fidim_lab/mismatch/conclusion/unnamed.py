@@ -5,23 +5,60 @@ from dataclasses import replace
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.mismatch.conclusion.explanation import Before, BodyParameter, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.message import body_parameters
+from fidim_lab.mismatch.conclusion.verdict import Judged
+from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.single_force import modelled
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 from fidim_lab.say import Say
+from fidim_lab.units import millimetres
 
 
 def with_unknown(
-    explanation: Explanation, named: Candidate, campaign: Campaign, say: Say, known: UnknownForce | None = None
-) -> Explanation:
+    explanation: Explanation, judged: Judged, campaign: Campaign, say: Say
+) -> tuple[Explanation, Completed]:
     """The explanation with what is left modelled generically, where its verdict says that something is left.
 
-    named: the model whose effects are named. known: the generic model, where it was found already. Figures and
-    parameters "after" are those of the generic model where it helps on held-out windows, and the explanation is as it
-    was where it does not.
+    Figures and parameters "after" are those of the generic model where it helps on held-out windows, or of a law of
+    force that leaves less than half as much there; the explanation is as it was where neither helps. Also returns the
+    model whose figures are told.
     """
+    named, law = judged.named, judged.law
     if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
-        return explanation
+        return explanation, named.model
+    wrench = _with_wrench(explanation, named, campaign, say, judged.outdone_by)
+    if law is not None and _leaves_less(law, wrench, named):
+        return _by_law(explanation, law, campaign), law.model
+    model = named.model if wrench.unknown is None else Completed((), wrench.unknown.fit, whole=True)
+    return wrench, model
+
+
+def _leaves_less(law: Candidate, wrench: Explanation, named: Candidate) -> bool:
+    """Whether it leaves less than half of the much that the generic model leaves of held-out windows, and loses none."""
+    left = wrench.chi2_per_dof.after
+    if not (law.model.whole and law.held_out.dof) or left is None:
+        return False
+    lost = law.held_out.refused.keys() - named.held_out.refused.keys()
+    much = left > SHARED.little
+    return much and not lost and law.held_out.chi2_per_dof - 1.0 < SHARED.half * (left - 1.0)
+
+
+def _by_law(explanation: Explanation, law: Candidate, campaign: Campaign) -> Explanation:
+    return replace(
+        explanation,
+        chi2_per_dof=Before(explanation.chi2_per_dof.before, law.held_out.chi2_per_dof),
+        rms_mm=Before(explanation.rms_mm.before, millimetres(law.held_out.rms)),
+        parameters=body_parameters(law.model.fit, campaign),
+        message=f"{explanation.message} The figures and the body are those of this law.",
+    )
+
+
+def _with_wrench(
+    explanation: Explanation, named: Candidate, campaign: Campaign, say: Say, known: UnknownForce | None
+) -> Explanation:
+    """With an unknown wrench beside the model whose effects are named. known: that wrench, where it was found."""
     if named.model.mechanism.springs:
         said = "The residual with elastic cables was scored, but no unknown wrench was fitted to it."
         return replace(explanation, message=f"{explanation.message} {said}")

@@ -20,6 +20,8 @@ class Judged:
     """the model whose effects are named: the baseline where none are"""
     outdone_by: UnknownForce | None = None
     """the unknown wrench that explains more than the effects found"""
+    law: Candidate | None = None
+    """the best model, where it has a law of force that no effect of the catalogue has"""
 
     @property
     def known(self) -> bool:
@@ -31,6 +33,8 @@ def judge(found: Selection) -> Judged:
     """The verdict on where the search ended."""
     if found.outdone is not None:
         return Judged(Verdict.UNKNOWN_PHYSICS, found.baseline, found.alone)
+    if any(h.effect.id == UnknownEffect.id for h in found.best.model.tried):
+        return Judged(Verdict.UNKNOWN_PHYSICS, found.baseline, law=found.best)
     verdict = _verdict(found)
     known = verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED)
     return Judged(verdict, found.best if known else found.baseline)
@@ -38,8 +42,6 @@ def judge(found: Selection) -> Judged:
 
 def _verdict(found: Selection) -> Verdict:
     best = found.best
-    if any(h.effect.id == UnknownEffect.id for h in best.model.tried):
-        return Verdict.UNKNOWN_PHYSICS  # a law that nothing of the catalogue has
     if not best.model.tried:
         return Verdict.NOTHING_MISSING if best.is_white else Verdict.UNKNOWN_PHYSICS
     left = best.held_out.chi2_per_dof if best.held_out.dof else best.model.fit.chi2_per_dof

@@ -164,4 +164,4 @@ def test_a_piece_is_not_called_off_where_the_fit_leaves_more_than_noise() -> Non
     said = furthest(told, explained=False)
     assert "Clearly off" not in said
     assert "anchor of cable 2" in said
-    assert "not known before that is named" in said
+    assert "takes up a part of whatever is missing" in said

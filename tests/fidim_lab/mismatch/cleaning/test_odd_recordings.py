@@ -18,6 +18,7 @@ from fidim_lab.mismatch.cleaning.segments import Segmented, fit_segments
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.message import body_parameters, figures_of
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
+from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import HeldOut
@@ -131,7 +132,8 @@ def test_without_held_out_windows_no_wrench_without_a_name_is_judged(
     wrench = UnknownForce((term,), 0.9, nothing, nothing, (), None, (), (), quiet.fit, 1.0)
     chi2, rms = Before(10.0, None), Before(1.0, None)
     told = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), chi2, rms, (), {}, {}, None, "Something is missing.", 1.0)
-    said = with_unknown(told, claim(), quiet.campaign, lambda _: None, wrench)
+    judged = Judged(Verdict.UNKNOWN_PHYSICS, claim(), wrench)
+    said, _ = with_unknown(told, judged, quiet.campaign, lambda _: None)
     assert "cannot be judged" in said.message
     assert said.unknown is None
 

@@ -6,6 +6,7 @@ import pytest
 
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
+from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.selection.candidates import Candidate
@@ -28,8 +29,27 @@ def test_a_wrench_that_takes_less_than_half_is_not_described(
     base = Explanation(
         "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(10.0, 10.0), Before(1.0, 1.0), (), {}, {}, None, "Missing.", 1.0
     )
-    found = with_unknown(base, claim(), quiet.campaign, lambda _: None, wrench)
+    judged = Judged(Verdict.UNKNOWN_PHYSICS, claim(), wrench)
+    found, model = with_unknown(base, judged, quiet.campaign, lambda _: None)
+    assert model.fit is quiet.fit
     assert found.unknown is not None
     assert (WORDS[0] in found.message, found.unknown.words == WORDS) == (told, told)
     assert found.chi2_per_dof.after == pytest.approx(after)
     assert ("less than half" in found.message) is not told
+
+
+@pytest.mark.parametrize(("left", "told"), [(1.0, "law"), (2.9, "law"), (3.3, "wrench"), (9.0, "wrench")])
+def test_figures_are_those_of_a_law_where_it_leaves_less_than_half_of_what_a_wrench_leaves(
+    quiet: Baseline, claim: Callable[..., Candidate], left: float, told: str
+) -> None:
+    term = Term("repeats", Dependence.PERIODIC, None, None, (5.0,), WORDS, True)
+    wrench = UnknownForce((term,), 0.9, held(10.0), held(5.4), WORDS, None, (), (), quiet.fit, 1.0)
+    base = Explanation(
+        "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(10.0, 10.0), Before(1.0, 1.0), (), {}, {}, None, "Missing.", 1.0
+    )
+    law = claim(held_out=left, white=left == 1.0)
+    judged = Judged(Verdict.UNKNOWN_PHYSICS, claim(), wrench, law=law)
+    found, model = with_unknown(base, judged, quiet.campaign, lambda _: None)
+    assert (found.unknown is None) is (told == "law")
+    assert found.chi2_per_dof.after == pytest.approx(left if told == "law" else 5.4)
+    assert (model is law.model) is (told == "law")
