@@ -93,6 +93,14 @@ def predictions(fit: Fit, windows: Sequence[Window]) -> Predicted:
     return Predicted(tuple(found), refused)
 
 
+def chi2_beyond_errors(fit: Fit, windows: Sequence[Window]) -> tuple[float, int]:
+    """χ² of the windows' markers after what the fit's own errors explain, and the number of values."""
+    found = [one for _, one in predictions(fit, windows).found]
+    left = beyond_errors(fit, np.ones(len(fit.values), dtype=bool), found)
+    noise, count = fit.likelihood.noise, sum(int(np.isfinite(values).sum()) for values in left)
+    return sum(float(np.nansum(values**2)) for values in left) / noise**2, count
+
+
 def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     """Held-out windows with the shared parameters of a completed model, and what they leave."""
     likelihood, predicted = completed.fit.likelihood, predictions(completed.fit, windows)

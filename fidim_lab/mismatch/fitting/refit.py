@@ -98,6 +98,11 @@ class Completed:
         return float(np.sqrt(values @ np.linalg.lstsq(covariance, values, rcond=None)[0]))
 
     @property
+    def has_open_geometry(self) -> bool:
+        """Whether the robot file's geometry is fitted with the effects, under a survey."""
+        return len(self.mechanism.effects) > len(self.tried)
+
+    @property
     def at_an_edge(self) -> bool:
         """Whether a parameter is held at a bound other than 0."""
         theta = self.fit.values[BODY : BODY + len(self.at_bound)]

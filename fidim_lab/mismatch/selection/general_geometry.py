@@ -49,7 +49,7 @@ def rival(seen: View) -> Rival | None:
     None where cables are springs: scores know no offsets beside these, or where its geometry is open already.
     """
     model = seen.model
-    if model.mechanism.springs or len(model.mechanism.effects) > len(model.tried):
+    if model.mechanism.springs or model.has_open_geometry:
         return None
     problem, survey = _problem(seen)
     wide, count = prior_of(model.tried), len(prior_of(model.tried))

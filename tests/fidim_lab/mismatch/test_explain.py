@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.golden import CASES
 from fidim_lab.app import cli
 from fidim_lab.data.campaign import read_campaign, write_campaign
-from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.data.records import Campaign, Robot, Survey
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Verdict, write_explanation
 from fidim_lab.mismatch.explain import explain
@@ -83,6 +84,16 @@ def test_what_no_effect_describes_is_unknown(irma4: Robot) -> None:
     assert explanation.verdict is Verdict.UNKNOWN_PHYSICS
     assert not explanation.effects
     assert explanation.where
+
+
+@pytest.mark.slow
+def test_what_no_effect_describes_is_unknown_beside_a_survey_that_is_stated() -> None:
+    """An open geometry blurs all predictions: held-out windows judge a wrench only by what goes beyond that."""
+    campaign = CASES["unknown"].simulated()
+    survey = Survey.alike(campaign.robot.n, 1e-3, 0.5e-3)
+    explanation = explain(replace(campaign, robot=replace(campaign.robot, survey=survey)))
+    assert explanation.verdict is Verdict.UNKNOWN_PHYSICS
+    assert not explanation.effects
 
 
 @pytest.mark.slow

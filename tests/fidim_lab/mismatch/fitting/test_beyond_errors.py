@@ -15,6 +15,7 @@ from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.fitting.beyond_errors import beyond_errors
 from fidim_lab.mismatch.fitting.fit_data import short_fit
+from fidim_lab.mismatch.fitting.holdout import chi2_beyond_errors
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -77,3 +78,9 @@ def test_nothing_is_recorded_where_nothing_was(fitted: tuple[Campaign, Fit]) -> 
     predicted = predict_all(found.likelihood.mechanism, found.values, [recording], campaign.robot.sensors)
     (after,) = beyond_errors(found, np.ones(len(found.values), dtype=bool), predicted)
     assert np.array_equal(np.isnan(after), np.isnan(predicted[0].remainder.residuals))
+
+
+def test_the_figure_beyond_errors_is_that_of_the_held_out_windows(fitted: tuple[Campaign, Fit]) -> None:
+    campaign, found = fitted
+    _, beyond, count = left(found, campaign, np.ones(len(found.values), dtype=bool))
+    assert chi2_beyond_errors(found, campaign.of_role(Role.VALIDATE)) == pytest.approx((beyond, count), rel=0.02)
