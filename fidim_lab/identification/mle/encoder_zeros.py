@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Campaign
+from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.mle.evidence import FACTORS, over_factors
 from fidim_lab.identification.motion.measured import rest_pose
 from fidim_lab.identification.results.result import AnchorByEncoder
@@ -67,14 +68,17 @@ def anchors_by_encoders(
 def _read(campaign: Campaign) -> _Readings:
     robot = campaign.robot
     zeros, along = [np.zeros((0, robot.n))], [np.zeros((0, robot.n, 3))]
-    if any(window.encoder_zeros is not None for window in campaign.windows):
-        mechanism = Mechanism(robot)
-        for window in campaign.windows:
-            if window.encoder_zeros is not None:
-                pose = rest_pose(mechanism, window)
-                structure = mechanism.structure_matrix(pose.position[np.newaxis], pose.rotation[np.newaxis])
-                zeros.append(window.encoder_zeros[np.newaxis])
-                along.append(structure[:, :, :3])
+    mechanism = Mechanism(robot)
+    for window in campaign.windows:
+        if window.encoder_zeros is None or not np.isfinite(window.markers[:, 0]).all(axis=1).any():
+            continue
+        pose = rest_pose(mechanism, window)
+        try:
+            structure = mechanism.structure_matrix(pose.position[np.newaxis], pose.rotation[np.newaxis])
+        except InfeasibleError:
+            continue  # nothing is known of where it hung
+        zeros.append(window.encoder_zeros[np.newaxis])
+        along.append(structure[:, :, :3])
     return _Readings(np.concatenate(zeros), np.concatenate(along))
 
 

@@ -66,6 +66,15 @@ def test_campaigns_pool_an_anchor_and_keep_their_zeros(with_zeros):
     assert (np.abs(np.array(together.by) - OFF) < 4 * np.array(together.sd)).all()
 
 
+def test_windows_without_the_main_marker_are_passed_over(with_zeros):
+    campaign = with_zeros(OFF, 1)
+    first, *others = campaign.windows
+    blind = replace(first, markers=np.where(np.arange(first.markers.shape[1])[:, None] == 0, np.nan, first.markers))
+    found, without = (anchors_by_encoders([replace(campaign, windows=(*kept, *others))]) for kept in ((blind,), ()))
+    assert found == without
+    assert np.isfinite([one.log_odds for one in found]).all()
+
+
 def test_few_windows_or_none_that_were_read_say_nothing(with_zeros, recorded):
     campaign = with_zeros(OFF, 1)
     assert anchors_by_encoders([replace(campaign, windows=campaign.windows[:3])]) == ()
