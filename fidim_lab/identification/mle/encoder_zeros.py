@@ -35,7 +35,7 @@ class _Readings:
     zeros: Float[np.ndarray, "W n"]
     """m, by the poses"""
     along: Float[np.ndarray, "W n 3"]
-    """−u: by how much they grow with the place of the anchors"""
+    """rows of Ξ: by how much they grow with how far the true anchors are from the file's"""
 
 
 def anchors_by_encoders(
