@@ -47,8 +47,10 @@ class WholeWindows:
                 in_vain.append(terms)
             elif found is not None:
                 # what made good for the first seconds alone may be needless beside the whole
-                found = self.trials.pruned(widened(self.start, found, found.tried))
-                fresh.append(self.trials.judged_or_wider(found, found.tried))
+                done = any(one.is_white and len(one.model.tried) <= len(found.tried) for one in fresh)
+                # where no more terms leave only noise, a wider form of these has nothing to find
+                found = self.trials.pruned(found if done else widened(self.start, found, found.tried))
+                fresh.append(self.trials.judged_or_wider(found, () if done else found.tried))
         self.trials.tried += fresh
         followed = not (fresh or in_vain) or any(one.model.excess < SHARED.near for one in fresh)
         return accepted(baseline, fresh, feeble=True) or baseline, followed
