@@ -24,7 +24,6 @@ from fidim_lab.identification.cleaning.clean import without_bad_samples
 from fidim_lab.identification.data_checks.placed import moved_in_words
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.geometry_words import encoders_say
-from fidim_lab.identification.results.result import Geometry
 from fidim_lab.units import plain
 
 GOOD = 4.0
@@ -54,7 +53,7 @@ def register_command(folders: Sequence[Path], out: Path, json_file: Path | None)
 
 def _by_encoders(campaigns: Sequence[Campaign]) -> str:
     """What encoders with unknown zeros say of each campaign's anchors all the same."""
-    heard = ((one, encoders_say(Geometry(0.0, encoders=anchors_by_encoders([one])))) for one in campaigns)
+    heard = ((one, encoders_say(anchors_by_encoders([one]))) for one in campaigns)
     return "".join(f" {one.name}: {says}" for one, says in heard if says)
 
 

@@ -66,7 +66,7 @@ class FromLog:
     doubt: str = ""
     """why the log cannot be meant; empty where nothing speaks against it"""
     zeros: np.ndarray | None = None
-    """(n,) m, what was added to the log's lengths; None without a log"""
+    """(n,) m, what was added to the log's lengths; None without a log, or with one in doubt"""
 
 
 def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> FromLog:
@@ -87,9 +87,8 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
     seen = mechanism.lengths(posed.positions[known], posed.rotations[known])
     doubt = too_much_motion(counted, seen)
     words = f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
-    if doubt:
-        return FromLog(counted + zeros, currents, words, f"{take.log.source.name}: {doubt}")
-    return FromLog(counted + zeros, currents, words, zeros=zeros)
+    doubted = f"{take.log.source.name}: {doubt}" if doubt else ""
+    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros)
 
 
 def too_much_motion(counted: np.ndarray, seen: np.ndarray) -> str:

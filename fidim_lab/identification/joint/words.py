@@ -57,7 +57,8 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
             f"{whole.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors by the evidence of the recordings."
         )
     misfit = whole.chi2_per_dof > whole.noise_ratio**2 * MISFIT
-    said += [says for says in (furthest(geometry, explained=not misfit), encoders_say(geometry)) if says]
+    by_encoders = encoders_say(geometry.encoders, geometry.moved)
+    said += [says for says in (furthest(geometry, explained=not misfit), by_encoders) if says]
     said += [
         f"{one.campaign}/{one.window} cannot be predicted: {one.why}"
         for each in cross

@@ -25,7 +25,8 @@ from fidim_lab.model.mechanism import Mechanism
 FEWEST = 4
 """windows; a zero, its scatter and an anchor leave fewer of them nothing to say"""
 SCATTERS = np.geomspace(1e-5, 3e-2, 36)
-"""m: of a zero from window to window, from an encoder's step to what is no encoder any more; a quarter apart"""
+"""m: of a zero from window to window, from an encoder's step to what is no encoder any more; a quarter apart.
+Half or twice as many, and ends at half or twice, change odds of 36 and 12 nats by under 0.3 (paper's robot)"""
 
 
 @dataclass(frozen=True, eq=False)

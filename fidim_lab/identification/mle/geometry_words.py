@@ -1,12 +1,14 @@
 """A fit's changes of the robot file's geometry, as values for files and sentences for people."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.identification.mle.evidence import ODDS, Factors
 from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
-from fidim_lab.identification.results.result import Geometry, Moved
+from fidim_lab.identification.results.result import AnchorByEncoder, Geometry, Moved
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER
 from fidim_lab.units import millimetres, plain
 
@@ -37,7 +39,7 @@ def told_geometry(surveyed: Surveyed, sd: Float[np.ndarray, " shared"] | None = 
 
 def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     """Whether the file's geometry holds, what is off most, and what no recording shows."""
-    by_encoders = (says,) if (says := encoders_say(told)) else ()
+    by_encoders = (says,) if (says := encoders_say(told.encoders, told.moved)) else ()
     if not surveyed.geometry:
         return by_encoders
     explained = surveyed.found.excess <= MISFIT
@@ -107,18 +109,18 @@ def furthest(told: Geometry, *, explained: bool) -> str:
     )
 
 
-def encoders_say(told: Geometry) -> str:
+def encoders_say(encoders: Sequence[AnchorByEncoder], moved: Sequence[Moved] = ()) -> str:
     """Anchors that the encoders ask to move, in a sentence; nothing where they agree with the robot file.
 
-    No fit has used their readings: a fit that moves an anchor the same way is confirmed by them.
+    moved: by a fit. None has used the encoders' readings: one that moves an anchor the same way is confirmed by them.
     """
-    moved = {one.cable: np.array(one.by) for one in told.moved if one.what == "anchor"}
+    by_fit = {one.cable: np.array(one.by) for one in moved if one.what == "anchor"}
     said: list[str] = []
-    for one in sorted(told.encoders, key=lambda one: -one.log_odds):
+    for one in sorted(encoders, key=lambda one: -one.log_odds):
         if one.log_odds < ODDS:
             break
         by, sd = (", ".join(plain(millimetres(value), 2) for value in values) for values in (one.by, one.sd))
-        same = one.cable in moved and float(moved[one.cable] @ np.array(one.by)) > 0.0
+        same = one.cable in by_fit and float(by_fit[one.cable] @ np.array(one.by)) > 0.0
         scatter, left = (plain(millimetres(value), 2) for value in (one.scatter, one.left))
         says = (
             f"the zero of cable {one.cable} differs by {scatter} mm (sd) between {one.windows} windows with the robot "

@@ -62,7 +62,7 @@ def _says_more(rival: UnknownForce, named: Candidate, windows: Sequence[Window])
     if named.model.has_open_geometry:
         held = chi2_beyond_errors(fitted, windows), chi2_beyond_errors(rival.fit, windows)
     (ours, count), (theirs, many) = held
-    foretold = ours * many / max(1, count) - theirs
+    foretold = ours * many / count - theirs
     return min(0.5 * gained / level - price, 0.5 * foretold / level) > SHARED.enough
 
 

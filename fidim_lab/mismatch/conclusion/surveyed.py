@@ -88,7 +88,7 @@ def geometry_says(geometry: Geometry, robot: Robot, wrong: bool, explained: bool
     sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)
     head = "The robot file's survey is counted" if robot.survey is not None else "The robot file's geometry is off"
     said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry, explained=explained)}".rstrip()
-    by_encoders = f" {encoders_say(geometry)}".rstrip()
+    by_encoders = f" {encoders_say(geometry.encoders, geometry.moved)}".rstrip()
     if robot.survey is not None:
         return said + by_encoders
     times = _rms(geometry.moved, "anchor") / TYPICAL_ANCHOR if "anchor" in kinds else 1.0

@@ -36,7 +36,7 @@ def with_unknown(
 
 
 def _leaves_less(law: Candidate, wrench: Explanation, named: Candidate) -> bool:
-    """Whether the generic model leaves much of held-out windows, and it less than half of that and loses none."""
+    """Whether the generic model leaves much of held-out windows, and the law less than half of it, losing no window."""
     left = wrench.chi2_per_dof.after
     if not (law.model.whole and law.held_out.dof) or left is None:
         return False

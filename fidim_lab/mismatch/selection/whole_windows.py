@@ -48,7 +48,7 @@ class WholeWindows:
             elif found is not None:
                 # what made good for the first seconds alone may be needless beside the whole
                 done = any(one.is_white and len(one.model.tried) <= len(found.tried) for one in fresh)
-                # where no more terms leave only noise, a wider form of these has nothing to find
+                # where a model with no more terms leaves only noise, a wider form has nothing to find
                 found = self.trials.pruned(found if done else widened(self.start, found, found.tried))
                 fresh.append(self.trials.judged_or_wider(found, () if done else found.tried))
         self.trials.tried += fresh
