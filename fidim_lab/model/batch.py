@@ -4,7 +4,7 @@ CasADi is column-major: an (N, k) array in C order is exactly its k × N matrix.
 column vector here, matrices flattened row by row (`rows`, `from_rows`), and nothing is transposed on the way.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -13,8 +13,12 @@ import numpy as np
 
 from fidim_lab.errors import OurBugError
 
+BLOCK = 64
+"""samples that are computed by one map, a power of two: maps of 8 to 1000 are equally fast, and CasADi keeps the place
+of every entry of a map's arguments and results, as much memory as these take themselves"""
+
 _OVER_SAMPLES: WeakKeyDictionary[ca.Function, dict[int, ca.Function]] = WeakKeyDictionary()
-"""functions of so many samples at once, kept as long as the one that they were made of: half of the time of a call"""
+"""functions of 1, 2, 4, … samples at once, kept as long as the one that they were made of"""
 
 
 def rows(matrix: ca.SX) -> ca.SX:
@@ -40,41 +44,66 @@ def evaluate(compiled: ca.Function, *arguments: np.ndarray) -> list[np.ndarray]:
 
     Raises OurBugError where an argument has the wrong number of entries.
     """
-    handle, run = _buffer(compiled)
-    kept: list[np.ndarray] = []  # CasADi keeps only addresses
     for index, argument in enumerate(arguments):
-        array = np.ascontiguousarray(argument, dtype=float)
-        if array.size != compiled.numel_in(index):
-            raise OurBugError(
-                f"{compiled.name()}: argument {index} ({compiled.name_in(index)}) has {array.size} entries, "
-                f"not {compiled.numel_in(index)}."
-            )
-        kept.append(array)
-        if array.size:
-            handle.set_arg(index, array.data)
-    results: list[np.ndarray] = []
-    for index in range(compiled.n_out()):
-        result = np.empty((compiled.size2_out(index), compiled.size1_out(index)))
-        results.append(result)
-        if result.size:
-            handle.set_res(index, result.data)
-    run()
+        _check(compiled, index, argument, compiled.numel_in(index))
+    results = [np.empty((compiled.size2_out(k), compiled.size1_out(k))) for k in range(compiled.n_out())]
+    _evaluate(compiled, arguments, results)
     return results
 
 
 def over_samples(compiled: ca.Function, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
-    """Evaluate a function of columns at N samples in one call; a one-dimensional argument is the same for all samples.
+    """Evaluate a function of columns at N samples; a one-dimensional argument is the same for all samples.
 
-    Arguments of shape (N, …) or (k,); results of shape (N, k).
+    Arguments of shape (N, …), (…, k) with N columns in all, or (k,); results of shape (N, k).
+
+    Raises OurBugError where an argument has the wrong number of entries.
     """
-    columns = [
-        np.broadcast_to(argument, (samples, argument.size)) if argument.ndim == 1 else argument
-        for argument in arguments
-    ]
-    made = _OVER_SAMPLES.setdefault(compiled, {})
-    if samples not in made:
-        made[samples] = compiled.map(samples)
-    return evaluate(made[samples], *columns)
+    columns: list[np.ndarray] = []
+    for index, argument in enumerate(arguments):
+        width, same = compiled.numel_in(index), argument.ndim == 1
+        _check(compiled, index, argument, width if same else samples * width)
+        shape = (samples, width)
+        columns.append(np.broadcast_to(argument, shape) if same else argument.reshape(shape))
+    results = [np.empty((samples, compiled.numel_out(k))) for k in range(compiled.n_out())]
+    maps = _OVER_SAMPLES.setdefault(compiled, {})
+    for some in _blocks(samples):
+        size = some.stop - some.start
+        if size not in maps:
+            maps[size] = compiled.map(size)
+        _evaluate(maps[size], [column[some] for column in columns], [result[some] for result in results])
+    return results
+
+
+def _blocks(samples: int) -> Iterator[slice]:
+    """Consecutive blocks of as many samples as there are maps of."""
+    begin = 0
+    while begin < samples:
+        size = min(BLOCK, 1 << (samples - begin).bit_length() - 1)
+        yield slice(begin, begin + size)
+        begin += size
+
+
+def _check(compiled: ca.Function, index: int, argument: np.ndarray, entries: int) -> None:
+    if argument.size != entries:
+        raise OurBugError(
+            f"{compiled.name()}: argument {index} ({compiled.name_in(index)}) has {argument.size} entries, "
+            f"not {entries}."
+        )
+
+
+def _evaluate(compiled: ca.Function, arguments: Sequence[np.ndarray], results: Sequence[np.ndarray]) -> None:
+    """Into arrays in C order."""
+    handle, run = _buffer(compiled)
+    kept: list[np.ndarray] = []  # CasADi keeps only addresses
+    for index, argument in enumerate(arguments):
+        array = np.ascontiguousarray(argument, dtype=float)
+        kept.append(array)
+        if array.size:
+            handle.set_arg(index, array.data)
+    for index, result in enumerate(results):
+        if result.size:
+            handle.set_res(index, result.data)
+    run()
 
 
 def _buffer(compiled: ca.Function) -> tuple[Any, Any]:

@@ -111,10 +111,6 @@ class Kernel:
             found = self._derived[key] = function, make(function)
         return found[1]
 
-    def over(self, samples: int) -> ca.Function:
-        """The function of so many samples at once."""
-        return self.derived(samples, lambda function: function.map(samples))
-
     def wait(self) -> None:
         """Until the build has ended, well or not."""
         if self.build is not None:

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from fidim_lab.identification.design.task import SAMPLED, DesignTask
 from fidim_lab.identification.design.windows import ReleasedWindow
-from fidim_lab.model.batch import evaluate, from_rows, function, rows
+from fidim_lab.model.batch import from_rows, function, over_samples, rows
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism, structure_expression
 from fidim_lab.model.native import built
@@ -66,9 +66,8 @@ def simulate(
     )
     found = integrate(mechanism, task.shared, states, Grid.covering(task.seconds, resolution), np.zeros(len(placed)))
     count, nodes = found.positions.shape[:2]
-    key = f"design: {task.axes} values, {count * nodes} samples"
-    compiled = mechanism.compiled(key, lambda made: _values(made, task).map(count * nodes))
-    regressors, dependent = evaluate(compiled, *_states(found), _repeated(task.shared, count * nodes))
+    at = (np.zeros((count, nodes, 1)), found.positions, found.rotations, found.twists, task.shared)
+    regressors, dependent = over_samples(_values(mechanism, task), count * nodes, *at)
     n, free = task.robot.n, len(task.axes)
     return Motions(
         task,
@@ -107,20 +106,18 @@ class Sensitive:
         task, found = self.motions.task, self.motions.trajectories
         count, chosen = nodes.shape
         samples = count * chosen
-        key = f"design: {task.axes} gradient, {samples} samples"
-        compiled = mechanism.compiled(key, lambda made: _gradient(made, task).map(samples))
         windows = np.arange(count)[:, np.newaxis]
         scaled = weights.reshape(samples, -1).copy()
         regressor = 10 * len(task.axes)
         scaled[:, regressor : regressor + task.robot.n] *= task.robot.mass
         given = (
             np.zeros((samples, 1)),
-            found.positions[windows, nodes].reshape(samples, 3),
-            found.rotations[windows, nodes].reshape(samples, 9),
-            found.twists[windows, nodes].reshape(samples, 6),
-            _repeated(task.shared, samples),
+            found.positions[windows, nodes],
+            found.rotations[windows, nodes],
+            found.twists[windows, nodes],
+            task.shared,
         )
-        (by_state,) = evaluate(compiled, *given, scaled)
+        (by_state,) = over_samples(_gradient(mechanism, task), samples, *given, scaled)
         poses, twists = self.by.poses[windows, nodes], self.by.twists[windows, nodes]
         by = np.concatenate([poses, twists], axis=2)[..., : task.width]
         return (by_state.reshape(count, chosen, 1, 12) @ by)[:, :, 0]
@@ -149,20 +146,6 @@ class Sensitive:
         moved = self.by.poses[:, :, :3, :width] + np.cross(turned_by, arms[..., np.newaxis], axis=2)
         rest = np.array([one.marker_by for one in self.motions.placed])
         return moved[:, :, axes] - rest[:, np.newaxis]
-
-
-def _states(found: Trajectories) -> tuple[np.ndarray, ...]:
-    samples = found.positions.shape[0] * found.positions.shape[1]
-    return (
-        np.zeros((samples, 1)),
-        found.positions.reshape(samples, 3),
-        found.rotations.reshape(samples, 9),
-        found.twists.reshape(samples, 6),
-    )
-
-
-def _repeated(shared: np.ndarray, samples: int) -> np.ndarray:
-    return np.broadcast_to(shared, (samples, len(shared)))
 
 
 def _values(mechanism: Mechanism, task: DesignTask) -> ca.Function:

@@ -25,7 +25,7 @@ from fidim_lab.mismatch.linearised.giving_way import gives_way, holds_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
 from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of
 from fidim_lab.mismatch.linearised.stretch import pushes_of, stretch_of
-from fidim_lab.model.batch import evaluate
+from fidim_lab.model.batch import over_samples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.native import Kernel
@@ -112,55 +112,46 @@ class Scorer:
         use, seen = recording.seen_until(float(simulation.ends[w]))
         by_markers = markers.varied_at(one, by, places, recording.t[use])
         direct = own + len(shared) + self._direct
-        ours, theirs = self._seen(recording, recording.t[use], shared, one)
-        by_markers[..., own + BODY : own + len(shared)] += ours[:, : len(places)]
-        by_markers[..., own + len(shared) : direct] += theirs[:, : len(places)]
-        by_markers = self._composed(by_markers, direct, recording.begin + recording.t[use])
+        self._add_seen(by_markers[..., own + BODY : direct], recording, recording.t[use], shared, one)
         known = np.isfinite(recording.lengths)
         residual = simulation.residuals[w]
-        jacobian = np.zeros((len(residual.rows), by_markers.shape[-1]))
-        jacobian[: len(residual.markers)] = by_markers[seen] / likelihood.noise
-        lengths_by = np.zeros((int(known.sum()), by_markers.shape[-1]))
-        lengths_by[:, :direct] = np.concatenate([simulation.starts.lengths_by[w], moving.lengths_by], axis=1)[
-            known, :direct
-        ]
-        jacobian[len(residual.markers) : -own] = lengths_by / likelihood.resolution
+        count = len(residual.markers)
+        jacobian = np.zeros((len(residual.rows), direct + 6 * len(self.tried.periodic)))
+        np.divide(by_markers[..., :direct][seen], likelihood.noise, out=jacobian[:count, :direct])
+        stamps = recording.begin + recording.t[use]
+        for k, h in enumerate(self.tried.periodic):
+            forced = by_markers[..., direct + 6 * self._frequencies.index(frequency_of(h)) :][..., :6]
+            jacobian[:count, direct + 6 * k :][:, :6] = self._composed(h, forced, stamps)[seen] / likelihood.noise
+        lengths_by = np.concatenate([simulation.starts.lengths_by[w], moving.lengths_by], axis=1)[known, :direct]
+        jacobian[count:-own, :direct] = lengths_by / likelihood.resolution
         jacobian[-own:, :own] = np.diag(loose_rows(likelihood))
         first, last = own, own + len(shared)
         return ResidualColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
 
     def prepare(self) -> None:
         """Have the machine code for the largest part built, while something else is done."""
-        self._kernel("forcing", lambda made: forcing(made, self._absent))
+        self._forcing()
 
-    def _kernel(self, name: str, make: Callable[[Mechanism], ca.Function]) -> Kernel:
-        native = self.mechanism.native and name == "forcing"  # the others are called once, or small
-        return self._all.compiled(f"{name}: kernel", lambda made: Kernel.of(make(made), native=native))
+    def _forcing(self) -> Kernel:
+        native = self.mechanism.native
+        return self._all.compiled("forcing: kernel", lambda made: Kernel.of(forcing(made, self._absent), native=native))
 
-    def _composed(self, by_markers: np.ndarray, direct: int, stamps: np.ndarray) -> np.ndarray:
-        """The columns of unit forces at all frequencies made into those of the periodic hypotheses."""
-        forced = by_markers[..., direct:]
-        parts = [by_markers[..., :direct]]
-        for h in self.tried.periodic:
-            k = 6 * self._frequencies.index(frequency_of(h))
-            part = forced[..., k : k + 6]
-            if h.effect.id == FRAME_SWAY:
-                size = self.mechanism.robot.mass * (2 * np.pi * frequency_of(h)) ** 2
-                part = size * part + waves(frequency_of(h), stamps)[:, np.newaxis]
-            parts.append(part)
-        return np.concatenate(parts, axis=-1)
+    def _composed(self, tried: Hypothesis, forced: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+        """The columns of a periodic hypothesis (T M 3 6), of those of unit forces at its frequency."""
+        if tried.effect.id != FRAME_SWAY:
+            return forced
+        size = self.mechanism.robot.mass * (2 * np.pi * frequency_of(tried)) ** 2
+        return size * forced + waves(frequency_of(tried), stamps)[:, np.newaxis]
 
     def _moving(self, simulation: Simulation, w: int, one: Trajectories) -> "_Moving":
         shared = simulation.point.shared
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         t = one.begins[0] + one.grid.t
         sample = (one.positions[0], one.rotations[0], one.twists[0], one.own_states[0])
-        compiled = self._kernel("forcing", lambda made: forcing(made, self._absent))
-        found = _over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        found = over_samples(self._forcing().now(), len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
         table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
         first = (x[:1] for x in (t[:, np.newaxis], *sample))
-        compiled = self._kernel("gaps", lambda made: start_gaps(made, self._absent))
-        gaps = _over(compiled, 1, *first, shared[:BODY], theta)
+        gaps = over_samples(start_gaps(self._all, self._absent), 1, *first, shared[:BODY], theta)
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
@@ -206,17 +197,24 @@ class Scorer:
         order = np.argsort(np.argsort(kinds, kind="stable"), kind="stable")
         return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
 
-    def _seen(
-        self, recording: FollowedSamples, t: np.ndarray, shared: np.ndarray, one: Trajectories
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What the model's own θ (T M 3 θ), and direct hypotheses, change of the cameras' report at the same motion."""
-        theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
+    def _add_seen(
+        self, by_markers: np.ndarray, recording: FollowedSamples, t: np.ndarray, shared: np.ndarray, one: Trajectories
+    ) -> None:
+        """Add what the model's own θ, and direct hypotheses, change of the cameras' report at the same motion.
+
+        by_markers: (T M 3 P), by these; most change nothing there.
+        """
+        own = len(shared) - BODY
+        theta = np.concatenate([shared[BODY:], self._all.theta[own:]])
         motion = sampled(self.mechanism, shared, one, 0, t)
         table = seen_by(self._all, theta, motion, own_states(one, 0, t), recording.begin + t)
+        table = table[:, : by_markers.shape[1]]
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
-        parts = [table[..., chosen], np.zeros((*table.shape[:3], self._direct - len(chosen)))]
-        direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
-        return table[..., : len(shared) - BODY], direct
+        where = own + np.argsort(self._order())[: len(chosen)]
+        pairs = zip([*range(own), *chosen], [*range(own), *where], strict=True)
+        for source, place in pairs:
+            if table[..., source].any():
+                by_markers[..., place] += table[..., source]
 
 
 def _with_all(mechanism: Mechanism, tried: Sequence[Hypothesis]) -> Mechanism:
@@ -230,7 +228,6 @@ def seen_by(
     every: Mechanism, theta: np.ndarray, motion: Motion, states: np.ndarray, stamps: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "T M 3 theta"]:
     """The change of the cameras' report by all θ at the same motion; states: effects' own (T, extra); stamps: s."""
-    kernel = every.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
     given = (
         stamps[:, np.newaxis],
         motion.positions,
@@ -240,13 +237,7 @@ def seen_by(
         motion.accelerations,
         theta,
     )
-    return _over(kernel, len(stamps), *given)[4].reshape(len(stamps), -1, 3, len(theta))
-
-
-def _over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
-    """As `over_samples`, of a kernel."""
-    columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
-    return evaluate(compiled.over(samples), *columns)
+    return over_samples(sightings(every), len(stamps), *given)[4].reshape(len(stamps), -1, 3, len(theta))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from fidim_lab.mismatch.linearised.columns import (
     waves,
 )
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
-from fidim_lab.model.batch import evaluate
+from fidim_lab.model.batch import over_samples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, derivatives, sprung
@@ -115,10 +115,10 @@ class SprungScorer:
         if not self._frequencies:
             return np.zeros((len(times), len(places), 3, 0))
         shared = np.concatenate([simulation.point.shared, np.zeros(3)])
-        t = node_times(one).reshape(-1, 1)
-        flat = (t, one.positions[0], one.rotations[0].reshape(-1, 9), one.moving[0])
-        constants = one.constants_at_nodes(shared).reshape(len(t), -1)
-        table = evaluate(derivatives(self._pushed).over(len(t)), *flat, constants)[1]
+        t = node_times(one)
+        flat = (t, one.positions[0], one.rotations[0], one.moving[0])
+        constants = one.constants_at_nodes(shared)
+        table = over_samples(derivatives(self._pushed).now(), len(t), *flat, constants)[1]
         force = table.reshape(len(t), one.moving.shape[-1], -1)[:, :6, -3:]
         further = np.concatenate([force @ waves(f, t[:, 0]) for f in self._frequencies], axis=-1)
         nothing = np.zeros((1, 6 + one.moving.shape[-1], len(simulation.point.shared) + further.shape[-1]))

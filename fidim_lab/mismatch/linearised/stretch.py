@@ -11,9 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.model.batch import evaluate, from_rows, function, rows
+from fidim_lab.model.batch import from_rows, function, over_samples, rows
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.grid import Resolution, lobatto
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.slots import PlatformState
@@ -28,8 +27,7 @@ def stretch_of(
     """The stretch of all cables for θ = 1 along the first window of the trajectories, with two time derivatives."""
     nodes = trajectories.positions.shape[1]
     compiled = mechanism.compiled(f"unit compliance: {effect!r}", lambda made: _compile(made, effect))
-    shared = np.broadcast_to(theta, (nodes, theta.size))
-    found = evaluate(compiled.over(nodes), trajectories.positions[0], trajectories.rotations[0], shared)[0]
+    found = over_samples(compiled, nodes, trajectories.positions[0], trajectories.rotations[0], theta)[0]
     stretch = found * mechanism.robot.mass * trajectories.tensions[0]
     rate = _derivative(stretch, trajectories.grid.resolution)
     return np.stack([stretch, rate, _derivative(rate, trajectories.grid.resolution)])
@@ -48,30 +46,29 @@ def pushes_of(
     """
     nodes, n = trajectories.positions.shape[1], mechanism.n
     compiled = mechanism.compiled(f"unit yielding: {effect!r}", lambda made: _compile_yielding(made, effect))
-    shared = np.broadcast_to(theta, (nodes, theta.size))
-    found = evaluate(compiled.over(nodes), trajectories.positions[0], trajectories.rotations[0], shared)[0]
+    found = over_samples(compiled, nodes, trajectories.positions[0], trajectories.rotations[0], theta)[0]
     tensions = mechanism.robot.mass * trajectories.tensions[0]
     wrench = np.einsum("kin,kn->ki", found.reshape(nodes, 6, n), tensions**2) / 2
     return wrench[:, :3], wrench[:, 3:] - np.cross(trajectories.rotations[0] @ com, wrench[:, :3])
 
 
-def _compile_yielding(mechanism: Mechanism, effect: NamedEffect) -> Kernel:
+def _compile_yielding(mechanism: Mechanism, effect: NamedEffect) -> ca.Function:
     position, flat, twist = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9), ca.SX.sym("twist", 6)
     theta = ca.SX.sym("theta", mechanism.theta.size)
     rotation = from_rows(flat, 3, 3)
     cables = mechanism.cables_at(position, rotation, theta)
     state = PlatformState(ca.SX(0), position, rotation, twist, cables)
     each = [state.gradient(effect.compliance(k, cable, ca.SX(1))) for k, cable in enumerate(cables, start=1)]
-    return Kernel.of(function("unit_yielding", [position, flat, theta], [rows(ca.horzcat(*each))]), native=False)
+    return function("unit_yielding", [position, flat, theta], [rows(ca.horzcat(*each))])
 
 
-def _compile(mechanism: Mechanism, effect: NamedEffect) -> Kernel:
+def _compile(mechanism: Mechanism, effect: NamedEffect) -> ca.Function:
     position, flat = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9)
     theta = ca.SX.sym("theta", mechanism.theta.size)
     cables = mechanism.cables_at(position, from_rows(flat, 3, 3), theta)
     one = ca.SX(1)
     each = [effect.compliance(number, cable, one) for number, cable in enumerate(cables, start=1)]
-    return Kernel.of(function("unit_compliance", [position, flat, theta], [ca.vertcat(*each)]), native=False)
+    return function("unit_compliance", [position, flat, theta], [ca.vertcat(*each)])
 
 
 def _derivative(values: Float[np.ndarray, "N n"], resolution: Resolution) -> Float[np.ndarray, "N n"]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
-from fidim_lab.model.batch import evaluate, function, rows
+from fidim_lab.model.batch import function, over_samples, rows
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.equations import Symbols
 from fidim_lab.model.motion.rigid_body import BodyExpressions
@@ -97,17 +97,14 @@ class Courses:
         directions, features = family.wrenches(state, shape), family.features(state, shape)
         inputs = [symbols.time, symbols.position, symbols.flat, symbols.twist, symbols.body, symbols.theta, shape]
         self._compiled = function("courses", inputs, [rows(directions), features])
-        self._many: dict[int, ca.Function] = {}
 
     def at(
         self, sample: Sequence[np.ndarray], shape: Float[np.ndarray, " shape"]
     ) -> tuple[Float[np.ndarray, "W S 6 d"], Float[np.ndarray, "W S k"]]:
         """D and φ at samples [t (W S 1), positions (W S 3), rotations (W S 3 3), twists (W S 6)]."""
         windows, nodes = sample[0].shape[:2]
-        count = windows * nodes
-        compiled = self._many.setdefault(count, self._compiled.map(count))
         rest = (self._shared[:BODY], self._shared[BODY:], np.asarray(shape))
-        found = evaluate(compiled, *sample, *(np.broadcast_to(part, (count, part.size)) for part in rest))
+        found = over_samples(self._compiled, windows * nodes, *sample, *rest)
         return found[0].reshape(windows, nodes, 6, -1), found[1].reshape(windows, nodes, -1)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.integrate import DOP853
 
-from fidim_lab.arrays import Series
 from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
@@ -249,9 +248,9 @@ def _followed(
     )
 
 
-def node_times(trajectories: Trajectories) -> Series:
-    """Time of every node of every window on the windows' own clocks, (W N), s."""
-    return (trajectories.begins[:, np.newaxis] + trajectories.grid.t).ravel()
+def node_times(trajectories: Trajectories) -> Float[np.ndarray, "K 1"]:
+    """Time of every node of every window on the windows' own clocks, K = W N, s."""
+    return (trajectories.begins[:, np.newaxis] + trajectories.grid.t).reshape(-1, 1)
 
 
 def step_of(mechanism: Mechanism) -> Kernel:

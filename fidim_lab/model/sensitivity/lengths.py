@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.model.batch import evaluate, from_rows, function, rows
+from fidim_lab.model.batch import from_rows, function, over_samples, rows
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import sprung
 from fidim_lab.model.sensitivity.integrate import States
@@ -27,16 +27,12 @@ def lengths_at_rest(
     """
     compiled = mechanism.compiled("sensitivity: lengths", _compile)
     count = len(positions)
-    room = _round(count)
     still, springs, astray = (np.zeros((count, compiled.numel_in(k))) for k in (3, 5, 6))
     if sprung(mechanism):
         springs = quiet_springs(mechanism, shared, States(positions, rotations, still), begins).tensions
-    given = [begins, positions, rotations, still, np.broadcast_to(shared, (count, len(shared))), springs, astray]
-    filled = [np.concatenate([part, np.broadcast_to(part[:1], (room - count, *part.shape[1:]))]) for part in given]
-    lengths, by_pose = evaluate(
-        mechanism.compiled(f"sensitivity: {room} lengths", lambda _: compiled.map(room)), *filled
-    )
-    return lengths[:count], by_pose[:count].reshape(count, mechanism.n, 6)
+    given = (begins[:, np.newaxis], positions, rotations, still, shared, springs, astray)
+    lengths, by_pose = over_samples(compiled, count, *given)
+    return lengths, by_pose.reshape(count, mechanism.n, 6)
 
 
 def _compile(mechanism: Mechanism) -> ca.Function:
@@ -45,9 +41,3 @@ def _compile(mechanism: Mechanism) -> ca.Function:
     lengths, by = starts.call(inputs)[:2]
     by_pose = from_rows(by, mechanism.n, by.numel() // mechanism.n)[:, :6]
     return function("lengths_at_rest", inputs, [lengths, rows(by_pose)])
-
-
-def _round(count: int) -> int:
-    """The next of 1, 2, 3, 4, 6, 8, 12, 16, …: so many at once, lest CasADi makes a map for every count."""
-    power = 1 << max(0, (count - 1).bit_length())
-    return power * 3 // 4 if power >= 4 and count <= power * 3 // 4 else power

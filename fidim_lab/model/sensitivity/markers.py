@@ -76,12 +76,13 @@ def varied_at(
 ) -> Float[np.ndarray, "T M 3 P"]:
     """Derivatives of markers' positions (m) in the first window at some times (s of the grid).
 
-    Only nodes beside a time are looked at: of many columns each costs as much as the motion itself.
+    Only nodes beside a time are looked at, one marker at a time: of many columns each costs as much as the motion.
     """
     index, weights = hermite(trajectories.grid.t, times)
     nodes = np.unique(np.concatenate([index, index + 1]))
-    nodal = varied_at_nodes(trajectories, by, markers, nodes)[0]
-    return between(nodal, np.searchsorted(nodes, index), weights)
+    place = np.searchsorted(nodes, index)
+    each = (varied_at_nodes(trajectories, by, markers[[k]], nodes)[0] for k in range(len(markers)))
+    return np.concatenate([between(nodal, place, weights) for nodal in each], axis=1)
 
 
 def hermite(nodes: Series, times: Series) -> tuple[np.ndarray, Float[np.ndarray, "T 2 3"]]:

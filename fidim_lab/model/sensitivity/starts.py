@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.model.batch import evaluate, function, over_samples, rows
+from fidim_lab.model.batch import function, over_samples, rows
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.contributions import extra_count, extra_start_at, seen_compliances_at
 from fidim_lab.model.motion.equations import Symbols
@@ -201,13 +201,14 @@ def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins
     count, springs = len(states.positions), len(sprung(mechanism))
     held, n = mechanism.n - springs, mechanism.n
     compiled = compiled_starts(mechanism)
-    found = evaluate(
-        mechanism.compiled(f"sensitivity: {count} starts", lambda _: compiled.map(count)),
-        begins,
+    found = over_samples(
+        compiled,
+        count,
+        begins[:, np.newaxis],
         states.positions,
         states.rotations,
         states.twists,
-        np.broadcast_to(shared, (count, len(shared))),
+        shared,
         np.zeros((count, 0)) if states.tensions is None else states.tensions,
         _astray(mechanism, states),
     )

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.model.batch import evaluate
+from fidim_lab.model.batch import over_samples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.grid import Grid
@@ -152,9 +152,8 @@ def _table(
 ) -> tuple[Float[np.ndarray, "W K s"], Float[np.ndarray, "W K m c"]]:
     """[v̇; ξ̇; τ], and derivatives of the rates by [δp; δφ; δν; constants]."""
     shape = times.shape
-    compiled = derivatives(mechanism).over(times.size)
-    given = (times.ravel(), positions, rotations, moving, np.repeat(constants, shape[1], axis=0))
-    slopes, flat = evaluate(compiled, *given)
+    given = (times, positions, rotations, moving, np.repeat(constants, shape[1], axis=0))
+    slopes, flat = over_samples(derivatives(mechanism).now(), times.size, *given)
     return slopes.reshape(*shape, -1), flat.reshape(*shape, moving.shape[2], -1)
 
 

@@ -6,11 +6,12 @@ evaluation of the derivatives a node, however many columns.
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.model.batch import evaluate
+from fidim_lab.model.batch import over_samples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.grid import Grid
@@ -73,9 +74,9 @@ def _linearised(
     mechanism: Mechanism, trajectories: Trajectories, shared: np.ndarray, unstretched: np.ndarray | None
 ) -> _Linear:
     count, nodes = trajectories.positions.shape[:2]
-    samples = count * nodes
-    _, flat = evaluate(
-        derivatives(mechanism).over(samples),
+    _, flat = over_samples(
+        derivatives(mechanism).now(),
+        count * nodes,
         node_times(trajectories),
         trajectories.positions,
         trajectories.rotations,
@@ -104,7 +105,7 @@ def _carried(
 ) -> tuple[Float[np.ndarray, "W N 6 P"], Float[np.ndarray, "W N m P"]]:
     """Poses and ν = [twist; ξ] at all nodes, from what each block does to what it begins with.
 
-    Blocks are solved many at a time, each for itself; from block to block there is only a product then.
+    Blocks are solved some at a time, each for itself; from block to block there is only a product then.
     """
     count, size, columns = starts.shape
     k, shared = grid.resolution.intervals, linear.forcing.shape[-1]
@@ -113,17 +114,17 @@ def _carried(
     found = np.empty((count, grid.nodes, size, columns))
     found[:, 0] = starts
     found[:, 0, 9:12] = linear.turn[:, 0] @ starts[:, 9:12]
-    many = max(1, TOGETHER // (grid.blocks * ((size - 6) * k) ** 2))
-    for first in range(0, count, many):
-        some = np.s_[first : first + many]
+    together = max(1, TOGETHER // ((size - 6) * k) ** 2)
+    many = max(1, together // grid.blocks)
+    for first, begun in product(range(0, count, many), range(0, grid.blocks, together)):
+        some, chosen = np.s_[first : first + many], inside[begun : begun + together]
         tables = (spun.by_pose[some], spun.by_moving[some], spun.forcing[some], spun.turn[some])
-        blocks = _Linear(*(np.concatenate(table[:, inside]) for table in tables))
-        response = _across(blocks, grid.quadrature).reshape(-1, grid.blocks, k * size, size + shared)
-        for block in range(grid.blocks):
-            begin, after = found[some, block * k], found[some, block * k + 1 : (block + 1) * k + 1]
-            moved = response[:, block, :, :size] @ begin
-            moved[..., -shared:] += response[:, block, :, size:]
-            after[:] = moved.reshape(after.shape)
+        blocks = _Linear(*(np.concatenate(table[:, chosen]) for table in tables))
+        responses = _across(blocks, grid.quadrature).reshape(-1, len(chosen), k * size, size + shared)
+        for nodes, response in zip(chosen, responses.swapaxes(0, 1), strict=True):
+            moved = response[..., :size] @ found[some, nodes[0]]
+            moved[..., -shared:] += response[..., size:]
+            found[some, nodes[1:]] = moved.reshape(-1, k, size, columns)
     found[:, :, 9:12] = np.swapaxes(linear.turn, -1, -2) @ found[:, :, 9:12]
     return found[:, :, :6], found[:, :, 6:]
 
