@@ -66,7 +66,7 @@ def over_samples(compiled: ca.Function, samples: int, *arguments: np.ndarray) ->
         columns.append(np.broadcast_to(argument, shape) if same else argument.reshape(shape))
     results = [np.empty((samples, compiled.numel_out(k))) for k in range(compiled.n_out())]
     maps = _OVER_SAMPLES.setdefault(compiled, {})
-    for some in _blocks(samples):
+    for some in blocks(samples):
         size = some.stop - some.start
         if size not in maps:
             maps[size] = compiled.map(size)
@@ -74,8 +74,8 @@ def over_samples(compiled: ca.Function, samples: int, *arguments: np.ndarray) ->
     return results
 
 
-def _blocks(samples: int) -> Iterator[slice]:
-    """Consecutive blocks of as many samples as there are maps of."""
+def blocks(samples: int) -> Iterator[slice]:
+    """Consecutive blocks of 1, 2, 4, … `BLOCK` samples, few of them."""
     begin = 0
     while begin < samples:
         size = min(BLOCK, 1 << (samples - begin).bit_length() - 1)

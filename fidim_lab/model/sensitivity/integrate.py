@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.integrate import DOP853
 
-from fidim_lab.model.batch import evaluate, from_rows, function, rows
+from fidim_lab.model.batch import blocks, evaluate, from_rows, function, rows
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import Kernel
@@ -184,19 +184,23 @@ def integrate(
     if mechanism.quiet:
         return _followed(mechanism, shared, states, grid, begins, unstretched, extra)
     count, nodes, t = len(states.positions), grid.nodes, grid.t
-    loop = step_of(mechanism).derived(
-        (count, nodes), lambda step: step.mapaccum("motion", nodes, {"base": 8}).map(count)
-    )
     timing = np.empty((count, nodes, 2))
     timing[..., 0] = begins[:, np.newaxis] + t
     timing[..., 1] = np.append(np.diff(t), 0.0)  # the last step goes nowhere: it gives the last node's accelerations
     own = np.zeros((count, 0)) if extra is None else extra
-    first = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists, own], axis=1)
+    state = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists, own], axis=1)
     lengths = np.zeros((count, 0)) if unstretched is None else unstretched
     constants = np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
-    after, outputs = evaluate(loop, first, timing, np.repeat(constants, nodes, axis=0))
-    at = np.concatenate([first[:, np.newaxis], after.reshape(count, nodes, -1)[:, :-1]], axis=1)
-    outputs = outputs.reshape(count, nodes, -1)
+    at = np.empty((count, nodes, state.shape[1]))
+    outputs = np.empty((count, nodes, 6 + own.shape[1] + mechanism.n))
+    for some in blocks(nodes):
+        size = some.stop - some.start
+        steps = _steps(mechanism, count, size)
+        after, found = evaluate(steps, state, timing[:, some], np.repeat(constants, size, axis=0))
+        after = after.reshape(count, size, -1)
+        at[:, some] = np.concatenate([state[:, np.newaxis], after[:, :-1]], axis=1)
+        outputs[:, some] = found.reshape(count, size, -1)
+        state = after[:, -1]
     return Trajectories(
         grid=grid,
         begins=begins,
@@ -251,6 +255,13 @@ def _followed(
 def node_times(trajectories: Trajectories) -> Float[np.ndarray, "K 1"]:
     """Time of every node of every window on the windows' own clocks, K = W N, s."""
     return (trajectories.begins[:, np.newaxis] + trajectories.grid.t).reshape(-1, 1)
+
+
+def _steps(mechanism: Mechanism, windows: int, steps: int) -> ca.Function:
+    """So many steps of so many windows, one after the other."""
+    return step_of(mechanism).derived(
+        (windows, steps), lambda step: step.mapaccum("motion", steps, {"base": 8}).map(windows)
+    )
 
 
 def step_of(mechanism: Mechanism) -> Kernel:

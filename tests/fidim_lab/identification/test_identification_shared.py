@@ -28,7 +28,8 @@ def errors(shared: Path, name: str, found: IdentificationResult) -> tuple[np.nda
     return np.abs(off[:3]) * 1e3, np.abs(off[3:6] / true[3:6]) * 100
 
 
-# What is hidden there hardly touches the regression: error of s in mm, of the moments in percent.
+# What is hidden there hardly touches the regression: error of s in mm, of the moments in percent. What is left of the
+# motion shows that it is there, for a force that grows with the distance.
 HARMLESS = {
     "open-nothing-left-out": (0.1, 0.2),
     "open-air-drag": (0.05, 0.15),
@@ -44,7 +45,8 @@ HARMLESS = {
 def test_parameters_come_back(shared, name):
     found = identify(read_campaign(shared / "campaigns" / name), checks=QUICK)
     com, inertia = errors(shared, name, found)
-    assert found.outcome is ResultOutcome.CONVERGED
+    seen = name == "open-outside-catalogue"
+    assert found.outcome is (ResultOutcome.MISFIT if seen else ResultOutcome.CONVERGED)
     assert com.max() < HARMLESS[name][0]
     assert inertia.max() < HARMLESS[name][1]
     assert found.noise_ratio is not None
