@@ -28,8 +28,8 @@ def errors(shared: Path, name: str, found: IdentificationResult) -> tuple[np.nda
     return np.abs(off[:3]) * 1e3, np.abs(off[3:6] / true[3:6]) * 100
 
 
-# What is hidden there hardly touches the regression: error of s in mm, of the moments in percent. What is left of the
-# motion shows that it is there, for a force that grows with the distance.
+# What is hidden there hardly touches the regression: error of s in mm, of the moments in percent. One of them shows in
+# what is left of the motion.
 HARMLESS = {
     "open-nothing-left-out": (0.1, 0.2),
     "open-air-drag": (0.05, 0.15),
