@@ -59,7 +59,7 @@ def parts() -> list[list[object]]:
     rows.append(["12 motions of 10 s, states to 1e-8 m", *_row(lambda: simulate(likelihood, point, ends, FINE))])
     rows.append(["the same to 6e-8 m", *_row(lambda: simulate(likelihood, point, ends, QUICK))])
     simulation = simulate(likelihood, point, ends, FINE)
-    rows.append(["their sensitivities", *_row(lambda: list(linearised(likelihood, simulation)))])
+    rows.append(["their sensitivities", *_row(lambda: linearised(likelihood, simulation))])
     windows = [prepare(w, papers_robot()) for w in known.campaign.of_role(Role.VALIDATE)]
     sensors = papers_robot().sensors
 

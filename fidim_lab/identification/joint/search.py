@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from fidim_lab.identification.joint.members import JointMember, Layout
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.trajectories.likelihood import Point, Simulation, linearised, simulate, stepped
-from fidim_lab.identification.mle.trajectories.normal import Part, Prior, Tables, compress, step_of_parts
+from fidim_lab.identification.mle.trajectories.likelihood import Point, Simulation, simulate, stepped
+from fidim_lab.identification.mle.trajectories.normal import Part, Prior, Tables, step_of_parts, tables_of
 from fidim_lab.identification.mle.trajectories.optimise import (
     DAMPING,
     HOPELESS,
@@ -119,7 +119,7 @@ def search(
 
 def linear_tables(member: JointMember, simulation: Simulation) -> Tables:
     """The linearised problem of one campaign, each window weighed by what it is worth."""
-    tables = compress(linearised(member.likelihood, simulation), len(simulation.ends))
+    tables = tables_of(member.likelihood, simulation)
     return tables * np.sqrt(member.worth)[:, np.newaxis, np.newaxis]
 
 

@@ -10,9 +10,11 @@ stretch no faster than goes with an oscillation of that size. Without, a few mar
 that effects have of their own add one row each: they begin about where their effect says.
 """
 
-from collections.abc import Iterator
+from collections import ChainMap
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +41,8 @@ from fidim_lab.model.sensitivity.starts import (
 )
 from fidim_lab.model.sensitivity.variation import variations
 from fidim_lab.model.side_by_side import side_by_side
+
+T = TypeVar("T")
 
 LOOSE_POSE = 1.0
 """m and rad, from the first guess"""
@@ -231,13 +235,22 @@ def _judged(
     return batch, residuals
 
 
-def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowLinear]:
-    """Residuals with derivatives, one window after the other (not in their order: batch by batch)."""
-    for part in side_by_side([partial(_linearised, likelihood, simulation, batch) for batch in simulation.batches]):
-        yield from part
+def linearised(likelihood: Likelihood, simulation: Simulation) -> list[WindowLinear]:
+    """Residuals with derivatives of all windows, in their order."""
+    return of_each(likelihood, simulation, lambda window: window)
 
 
-def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -> list[WindowLinear]:
+def of_each(likelihood: Likelihood, simulation: Simulation, make: Callable[[WindowLinear], T]) -> list[T]:
+    """What `make` makes of each window, in their order; derivatives take memory, so none is kept for longer."""
+
+    def of_batch(batch: _Batch) -> dict[int, T]:
+        return {window.window: make(window) for window in _linearised(likelihood, simulation, batch)}
+
+    found = ChainMap(*side_by_side([partial(of_batch, batch) for batch in simulation.batches]))
+    return [found[w] for w in sorted(found)]
+
+
+def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -> Iterator[WindowLinear]:
     """One batch."""
     point, own, starts = simulation.point, likelihood.own, simulation.starts
     measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
@@ -250,7 +263,6 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
     )
     stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
     nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.followed(stated))
-    found: list[WindowLinear] = []
     for place, w in enumerate(batch.members):
         recording = likelihood.recordings[w]
         use, seen = recording.seen_until(simulation.ends[w])
@@ -264,8 +276,7 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
         jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
         jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
-        found.append(WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:]))
-    return found
+        yield WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:])
 
 
 def stepped(

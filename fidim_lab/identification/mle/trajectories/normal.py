@@ -5,14 +5,14 @@ order, in (own + shared + 1)² numbers. Own unknowns come first, so that strikin
 them: `reduced`. Steps, covariance, bootstrap and jackknife all work on tables and cost next to nothing.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import lsq_linear
 
-from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, WindowLinear, of_each
 from fidim_lab.identification.mle.trajectories.near_body import NearBody
 
 TINY = 1e-300
@@ -92,16 +92,18 @@ class NormalStep:
     predicted: float
 
 
-def compress(windows: Iterable[WindowLinear], count: int) -> Tables:
-    """Tables of all windows, in order of their index."""
-    tables: dict[int, np.ndarray] = {}
-    for window in windows:
-        stacked = np.column_stack([window.by_own, window.by_shared, window.residual])
-        missing = stacked.shape[1] - stacked.shape[0]
-        if missing > 0:
-            stacked = np.vstack([stacked, np.zeros((missing, stacked.shape[1]))])
-        tables[window.window] = _triangular(stacked)
-    return np.stack([tables[w] for w in range(count)])
+def tables_of(likelihood: Likelihood, simulation: Simulation) -> Tables:
+    """Of all windows, in their order."""
+    return np.stack(of_each(likelihood, simulation, compressed))
+
+
+def compressed(window: WindowLinear) -> Float[np.ndarray, "m m"]:
+    """The table of a window."""
+    stacked = np.column_stack([window.by_own, window.by_shared, window.residual])
+    missing = stacked.shape[1] - stacked.shape[0]
+    if missing > 0:
+        stacked = np.vstack([stacked, np.zeros((missing, stacked.shape[1]))])
+    return _triangular(stacked)
 
 
 def reduced(tables: Tables, own: int) -> Reduced:

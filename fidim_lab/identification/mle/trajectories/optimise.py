@@ -11,11 +11,10 @@ from fidim_lab.identification.mle.trajectories.likelihood import (
     Likelihood,
     Point,
     Simulation,
-    linearised,
     simulate,
     stepped,
 )
-from fidim_lab.identification.mle.trajectories.normal import Prior, Tables, compress, step
+from fidim_lab.identification.mle.trajectories.normal import Prior, Tables, step, tables_of
 from fidim_lab.model.sensitivity.grid import FINE, QUICK, Resolution
 
 DAMPING = (1e-9, 1e8)
@@ -248,7 +247,7 @@ def stretched(stretch: float, gain: float) -> float:
 def _tables(likelihood: Likelihood, simulation: Simulation) -> Tables | None:
     """The linearised problem; None where no derivatives are finite: motion that runs away hardly begun is no answer."""
     with np.errstate(invalid="ignore", over="ignore"):
-        tables = compress(linearised(likelihood, simulation), len(simulation.ends))
+        tables = tables_of(likelihood, simulation)
     return tables if np.isfinite(tables).all() else None
 
 

@@ -15,10 +15,9 @@ from fidim_lab.identification.mle.trajectories.likelihood import (
     Point,
     Simulation,
     SpringPrior,
-    linearised,
     simulate,
 )
-from fidim_lab.identification.mle.trajectories.normal import Tables, compress, own_steps
+from fidim_lab.identification.mle.trajectories.normal import Tables, own_steps, tables_of
 from fidim_lab.identification.mle.trajectories.optimise import (
     DAMPING,
     HOPELESS,
@@ -81,7 +80,7 @@ def optimise_apart(
     if first is None or not np.isfinite(_costs(first)).all():
         return None
     count = len(ends)
-    tables = compress(linearised(likelihood, first), count)
+    tables = tables_of(likelihood, first)
     search = _Search(
         states=start.states,
         costs=_costs(first),
@@ -105,7 +104,7 @@ def optimise_apart(
         simulation = better or ours.simulated(search.states.of(ours.members), start.shared, effort)
         if simulation is None:  # not to be expected: all of these have been simulated in `_improved`
             return None
-        search.tables[ours.members] = compress(linearised(ours.likelihood, simulation), len(ours.members))
+        search.tables[ours.members] = tables_of(ours.likelihood, simulation)
     whole = _simulated(likelihood, Point(start.shared, search.states), ends, effort)
     ending = next(one for one in SEVEREST if one in search.endings)
     return None if whole is None else Optimum(whole, search.tables, float(search.costs.sum()), ending, rounds)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.identification.mle.starts.start import as_states, first_guess
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, linearised, simulate, stepped
-from fidim_lab.identification.mle.trajectories.normal import Prior, compress, reduced, step
+from fidim_lab.identification.mle.trajectories.normal import Prior, reduced, step, tables_of
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
@@ -83,8 +83,8 @@ def dense(tables, own):
 def test_steps_are_those_of_the_dense_problem(problem, damping, held):
     likelihood, point, ends = problem
     simulation = simulate(likelihood, point, ends, FINE)
-    windows = list(linearised(likelihood, simulation))
-    tables, own = compress(windows, 2), likelihood.own
+    windows = linearised(likelihood, simulation)
+    tables, own = tables_of(likelihood, simulation), likelihood.own
     for window in windows:
         whole = np.column_stack([window.by_own, window.by_shared, window.residual])
         table = tables[window.window]
@@ -109,7 +109,7 @@ def test_steps_are_those_of_the_dense_problem(problem, damping, held):
 
 def test_reduced_tables_are_the_schur_complement(problem):
     likelihood, point, ends = problem
-    tables = compress(linearised(likelihood, simulate(likelihood, point, ends, FINE)), 2)
+    tables = tables_of(likelihood, simulate(likelihood, point, ends, FINE))
     own = likelihood.own
     for table, small in zip(tables, reduced(tables, own), strict=True):
         normal = table.T @ table
