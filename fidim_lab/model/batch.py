@@ -5,6 +5,7 @@ column vector here, matrices flattened row by row (`rows`, `from_rows`), and not
 """
 
 from collections.abc import Iterator, Sequence
+from threading import RLock
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -16,6 +17,10 @@ from fidim_lab.errors import OurBugError
 BLOCK = 64
 """samples that are computed by one map, a power of two: maps of 8 to 1000 are equally fast, and CasADi keeps the place
 of every entry of a map's arguments and results, as much memory as these take themselves"""
+
+MAKING = RLock()
+"""held while a function is derived from another one: CasADi lets go of Python's lock in each of its calls, and what two
+threads would make of the same function is kept in one cache of that function"""
 
 _OVER_SAMPLES: WeakKeyDictionary[ca.Function, dict[int, ca.Function]] = WeakKeyDictionary()
 """functions of 1, 2, 4, … samples at once, kept as long as the one that they were made of"""
@@ -65,13 +70,18 @@ def over_samples(compiled: ca.Function, samples: int, *arguments: np.ndarray) ->
         shape = (samples, width)
         columns.append(np.broadcast_to(argument, shape) if same else argument.reshape(shape))
     results = [np.empty((samples, compiled.numel_out(k))) for k in range(compiled.n_out())]
-    maps = _OVER_SAMPLES.setdefault(compiled, {})
     for some in blocks(samples):
-        size = some.stop - some.start
-        if size not in maps:
-            maps[size] = compiled.map(size)
-        _evaluate(maps[size], [column[some] for column in columns], [result[some] for result in results])
+        mapped = _mapped(compiled, some.stop - some.start)
+        _evaluate(mapped, [column[some] for column in columns], [result[some] for result in results])
     return results
+
+
+def _mapped(compiled: ca.Function, samples: int) -> ca.Function:
+    with MAKING:
+        maps = _OVER_SAMPLES.setdefault(compiled, {})
+        if samples not in maps:
+            maps[samples] = compiled.map(samples)
+        return maps[samples]
 
 
 def blocks(samples: int) -> Iterator[slice]:

@@ -23,6 +23,8 @@ from typing import Self
 
 import casadi as ca
 
+from fidim_lab.model.batch import MAKING
+
 FLAGS = ("-Og", "-ffp-contract=off", "-fPIC", "-shared")
 """no fused multiply-add: the digits of the virtual machine. Such straight-line code runs no faster with -O2, which
 compiles for twice as long"""
@@ -97,19 +99,21 @@ class Kernel:
 
     def now(self) -> ca.Function:
         """The fastest that there is at this moment; `class_name()` tells which."""
-        if self.build is not None and not self.build.is_alive():
-            self.build = None
-            if self.library.exists():
-                self.function = _loaded(self.function, self.library)
-        return self.function
+        with MAKING:
+            if self.build is not None and not self.build.is_alive():
+                self.build = None
+                if self.library.exists():
+                    self.function = _loaded(self.function, self.library)
+            return self.function
 
     def derived(self, key: Hashable, make: Callable[[ca.Function], ca.Function]) -> ca.Function:
         """`make` of the fastest there is, made once for each key: CasADi takes its time for maps and loops."""
-        function = self.now()
-        found = self._derived.get(key)
-        if found is None or found[0] is not function:  # two threads may both make one: neither is wrong
-            found = self._derived[key] = function, make(function)
-        return found[1]
+        with MAKING:
+            function = self.now()
+            found = self._derived.get(key)
+            if found is None or found[0] is not function:
+                found = self._derived[key] = function, make(function)
+            return found[1]
 
     def wait(self) -> None:
         """Until the build has ended, well or not."""
