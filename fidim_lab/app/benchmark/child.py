@@ -4,6 +4,8 @@ A computation that hangs, eats the memory or crashes the interpreter costs one c
 counts CPU time, so that a busy machine is no slower judge; waiting without end is capped as well.
 """
 
+import faulthandler
+import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +23,10 @@ from fidim_lab.errors import FidimError
 WAITING = 6.0
 """times the cap, plus a minute, by the clock on the wall: how long anything may take"""
 NO_LIMITS = 0.0
+OF_LIMITS = {signal.SIGXCPU, signal.SIGKILL} if sys.platform != "win32" else set[signal.Signals]()
+"""what ends a process that has used up its CPU time"""
+LONGEST = 2000
+"""characters of what a crashed child said: the innermost calls"""
 
 
 class ChildTask(StrEnum):
@@ -62,15 +68,24 @@ def in_child(verb: ChildTask, campaign: Campaign, cap: float, without: str = "")
         if out.exists():
             said = read_json(out)
             return ChildOutcome(said["answer"], said["why"], said["cpu"], seconds)
-        if done.returncode < 0 or done.returncode > 128:
-            return ChildOutcome(None, f"stopped: the {cap:.0f} s of CPU time were used up, or it crashed", cap, seconds)
-        last = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
-        return ChildOutcome(None, f"failed with exit code {done.returncode}: {last}", min(cap, seconds), seconds)
+        if -done.returncode in OF_LIMITS:
+            return ChildOutcome(None, f"stopped: the {cap:.0f} s of CPU time were used up", cap, seconds)
+        return ChildOutcome(None, _failure(done.returncode, done.stderr), min(cap, seconds), seconds)
+
+
+def _failure(code: int, said: str) -> str:
+    """Of a child that wrote no answer."""
+    if code < 0:
+        where = said[max(0, said.find("Fatal Python error")) :][:LONGEST].strip()
+        return f"crashed with {signal.Signals(-code).name}: {where or 'nothing was said'}"
+    last = (said.strip().splitlines() or ["nothing was said"])[-1]
+    return f"failed with exit code {code}: {last}"
 
 
 def main(arguments: list[str]) -> int:
     """`VERB CAMPAIGN OUT CAP WITHOUT`: what the child runs."""
     verb, folder, out, cap, without = arguments
+    faulthandler.enable()
     _limit(float(cap))
     campaign = read_campaign(Path(folder))
     answer, why = None, ""

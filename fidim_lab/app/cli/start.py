@@ -1,5 +1,6 @@
 """Arguments in, exit code out (spec/formats.md): errors become sentences, signals interruptions."""
 
+import faulthandler
 import os
 import signal
 import sys
@@ -70,4 +71,6 @@ def main() -> None:
     # All our matrices are small: BLAS threads only wait for each other. To be said before numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGTERM, _terminate)
+    if sys.__stderr__ is not None:
+        faulthandler.enable(sys.__stderr__)  # a crash of the interpreter says where: nothing else could
     sys.exit(run(sys.argv[1:]))

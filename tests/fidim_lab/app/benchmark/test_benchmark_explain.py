@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -198,6 +199,19 @@ def test_a_refusal_to_explain_is_an_outcome(tiny):
     assert outcome.answer is None
     assert outcome.why.startswith("RefusedError")
     assert 0 < outcome.cpu < 60
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands for the interpreter")
+def test_a_crash_is_told_from_a_limit_with_its_place(tiny, tmp_path, monkeypatch):
+    crashing = tmp_path / "python"
+    script = "import faulthandler, os; faulthandler.enable(); os.abort()"
+    crashing.write_text(f"#!/bin/sh\nexec {sys.executable} -c '{script}'\n")
+    crashing.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(crashing))
+    outcome = in_child(ChildTask.EXPLAIN, tiny, cap=60.0)
+    assert outcome.answer is None
+    assert outcome.why.startswith("crashed with SIGABRT: Fatal Python error: Aborted")
+    assert "line 1 in <module>" in outcome.why
 
 
 def test_without_a_name_the_benchmarks_are_listed(capsys):
