@@ -56,9 +56,7 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
         ((_misfit(change, sample, unchanged), change) for change in robot_changes(robot)), key=lambda pair: pair[0]
     )
     fitted: list[tuple[float, Change]] = []
-    nearest = tried[0][0]
-    if not _cures(before, nearest) or nearest > DATA_CHECKS.robot_mistakes_part:
-        # What people mix up comes first, where nothing is wrong besides: what is fitted to the data fits better still.
+    if not _cures(before, tried[0][0]):  # what people mix up comes first: what is fitted to the data fits better still
         fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
         tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
