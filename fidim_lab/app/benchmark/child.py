@@ -23,10 +23,6 @@ from fidim_lab.errors import FidimError
 WAITING = 6.0
 """times the cap, plus a minute, by the clock on the wall: how long anything may take"""
 NO_LIMITS = 0.0
-OF_LIMITS = {signal.SIGXCPU, signal.SIGKILL} if sys.platform != "win32" else set[signal.Signals]()
-"""what ends a process that has used up its CPU time"""
-LONGEST = 2000
-"""characters of what a crashed child said: the innermost calls"""
 
 
 class ChildTask(StrEnum):
@@ -68,18 +64,20 @@ def in_child(verb: ChildTask, campaign: Campaign, cap: float, without: str = "")
         if out.exists():
             said = read_json(out)
             return ChildOutcome(said["answer"], said["why"], said["cpu"], seconds)
-        if -done.returncode in OF_LIMITS:
+        if done.returncode >= 0:
+            last = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
+            return ChildOutcome(None, f"failed with exit code {done.returncode}: {last}", min(cap, seconds), seconds)
+        name = signal.Signals(-done.returncode).name
+        if name == "SIGXCPU":
             return ChildOutcome(None, f"stopped: the {cap:.0f} s of CPU time were used up", cap, seconds)
-        return ChildOutcome(None, _failure(done.returncode, done.stderr), min(cap, seconds), seconds)
+        return ChildOutcome(None, f"crashed with {name}: {_place(done.stderr)}", min(cap, seconds), seconds)
 
 
-def _failure(code: int, said: str) -> str:
-    """Of a child that wrote no answer."""
-    if code < 0:
-        where = said[max(0, said.find("Fatal Python error")) :][:LONGEST].strip()
-        return f"crashed with {signal.Signals(-code).name}: {where or 'nothing was said'}"
-    last = (said.strip().splitlines() or ["nothing was said"])[-1]
-    return f"failed with exit code {code}: {last}"
+def _place(said: str) -> str:
+    """What `faulthandler` says of a crash, in one line: tables have room for no more."""
+    _, fatal, calls = said.partition("Fatal Python error")
+    lines = (fatal + calls.partition("Extension modules")[0]).splitlines()
+    return "; ".join(line.strip() for line in lines if line.strip()) or "nothing was said"
 
 
 def main(arguments: list[str]) -> int:

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import HeldOutPrediction
 from fidim_lab.identification.mle.spread import Quadratic
-from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, WindowLinear, linearised
+from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear, linearised
 from fidim_lab.identification.mle.trajectories.normal import reduced
 
 
@@ -26,17 +26,13 @@ def beyond_errors(
     free: which shared parameters the fit has moved.
     """
     journeys = {id(one.journey): one for one in predicted}
-    all_linear = {key: _linear(one.likelihood, one.journey.optimum.simulation) for key, one in journeys.items()}
+    all_linear = {key: linearised(one.likelihood, one.journey.optimum.simulation) for key, one in journeys.items()}
     linear = [all_linear[id(one.journey)][one.place] for one in predicted]
     tables = np.stack([one.journey.optimum.tables[one.place] for one in predicted])
     held = Quadratic.of(reduced(tables, found.likelihood.own), np.zeros((0, len(found.values) + 1)))
     both = Quadratic(found.quadratic.information + held.information, held.gradient)
     step = both.step(free, np.zeros(len(found.values)))
     return [_residuals(prediction, one, step) for prediction, one in zip(predicted, linear, strict=True)]
-
-
-def _linear(likelihood: Likelihood, simulation: Simulation) -> dict[int, WindowLinear]:
-    return {one.window: one for one in linearised(likelihood, simulation)}
 
 
 def _residuals(prediction: HeldOutPrediction, one: WindowLinear, step: np.ndarray) -> np.ndarray:

@@ -121,7 +121,9 @@ class Scorer:
         stamps = recording.begin + recording.t[use]
         for k, h in enumerate(self.tried.periodic):
             forced = by_markers[..., direct + 6 * self._frequencies.index(frequency_of(h)) :][..., :6]
-            jacobian[:count, direct + 6 * k :][:, :6] = self._composed(h, forced, stamps)[seen] / likelihood.noise
+            jacobian[:count, direct + 6 * k :][:, :6] = (
+                composed(h, forced, self.mechanism.robot.mass, stamps)[seen] / likelihood.noise
+            )
         lengths_by = np.concatenate([simulation.starts.lengths_by[w], moving.lengths_by], axis=1)[known, :direct]
         jacobian[count:-own, :direct] = lengths_by / likelihood.resolution
         jacobian[-own:, :own] = np.diag(loose_rows(likelihood))
@@ -135,13 +137,6 @@ class Scorer:
     def _forcing(self) -> Kernel:
         native = self.mechanism.native
         return self._all.compiled("forcing: kernel", lambda made: Kernel.of(forcing(made, self._absent), native=native))
-
-    def _composed(self, tried: Hypothesis, forced: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-        """The columns of a periodic hypothesis (T M 3 6), of those of unit forces at its frequency."""
-        if tried.effect.id != FRAME_SWAY:
-            return forced
-        size = self.mechanism.robot.mass * (2 * np.pi * frequency_of(tried)) ** 2
-        return size * forced + waves(frequency_of(tried), stamps)[:, np.newaxis]
 
     def _moving(self, simulation: Simulation, w: int, one: Trajectories) -> "_Moving":
         shared = simulation.point.shared
@@ -271,6 +266,16 @@ def scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:
 def frequency_of(tried: Hypothesis) -> float:
     """Of a periodic hypothesis, Hz: its last parameter."""
     return float(tried.absent[-1])
+
+
+def composed(
+    tried: Hypothesis, forced: Float[np.ndarray, "T M 3 6"], mass: float, stamps: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "T M 3 6"]:
+    """The columns of a periodic hypothesis, of those of unit forces at its frequency; stamps: s."""
+    if tried.effect.id != FRAME_SWAY:
+        return forced
+    frequency = frequency_of(tried)
+    return mass * (2 * np.pi * frequency) ** 2 * forced + waves(frequency, stamps)[:, np.newaxis]
 
 
 def waves(frequency: float, t: np.ndarray) -> Float[np.ndarray, "T 3 6"]:

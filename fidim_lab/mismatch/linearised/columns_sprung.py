@@ -17,9 +17,9 @@ from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, priors_by
 from fidim_lab.mismatch.linearised.columns import (
-    FRAME_SWAY,
     ResidualColumns,
     Scorer,
+    composed,
     frequency_of,
     scored_places,
     seen_by,
@@ -127,12 +127,8 @@ class SprungScorer:
         forced = markers.varied_at(one, by, places, times)[..., len(simulation.point.shared) :]
         parts = [np.zeros((*forced.shape[:-1], 0))]
         for h in self.tried.periodic:
-            f = frequency_of(h)
-            k = 6 * self._frequencies.index(f)
-            part = forced[..., k : k + 6]
-            if h.effect.id == FRAME_SWAY:
-                part = self.mechanism.robot.mass * (2 * np.pi * f) ** 2 * part + waves(f, begin + times)[:, np.newaxis]
-            parts.append(part)
+            k = 6 * self._frequencies.index(frequency_of(h))
+            parts.append(composed(h, forced[..., k : k + 6], self.mechanism.robot.mass, begin + times))
         return np.concatenate(parts, axis=-1)
 
 

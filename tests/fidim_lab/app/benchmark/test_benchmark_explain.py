@@ -212,6 +212,7 @@ def test_a_crash_is_told_from_a_limit_with_its_place(tiny, tmp_path, monkeypatch
     assert outcome.answer is None
     assert outcome.why.startswith("crashed with SIGABRT: Fatal Python error: Aborted")
     assert "line 1 in <module>" in outcome.why
+    assert "\n" not in outcome.why
 
 
 def test_without_a_name_the_benchmarks_are_listed(capsys):
