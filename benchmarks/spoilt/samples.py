@@ -62,7 +62,12 @@ def filtered(*, causal: bool) -> Spoil:
 
         def through(window: Window) -> Window:
             flat = window.markers.reshape(len(window.t), -1)
+            blank, at = np.isnan(flat), np.arange(len(flat))
+            # Over a blank a filter would give blanks to the end: gaps are bridged for it, and are gaps again.
+            bridged = [np.interp(at, at[~gone], column[~gone]) for column, gone in zip(flat.T, blank.T, strict=True)]
+            flat = np.stack(bridged, axis=1)
             out = lfilter(b, a, flat, axis=0, zi=start * flat[0])[0] if causal else filtfilt(b, a, flat, axis=0)
+            out[blank] = np.nan
             return replace(window, markers=np.round(out, 6).reshape(window.markers.shape))
 
         return replace(campaign, windows=tuple(through(w) for w in campaign.windows))
