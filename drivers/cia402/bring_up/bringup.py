@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from drivers.cia402.bring_up.factors import check_factors
 from drivers.cia402.bring_up.zero import check_zero
-from drivers.cia402.dictionary.abilities import used_pdos as used_pdos
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.grading import grade, refusals
 from drivers.cia402.dictionary.requirements import Graded
@@ -188,9 +187,9 @@ async def _standing_error(link: NodeLink) -> str:
 
 async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[SettingCheck]:
     used = {pdo.communication_index for pdo in pdos}
-    checks = [
-        await _switch_off(link, index) for index in _COMMUNICATION if index not in used and link.sdo.knows(index, 1)
-    ]
+    ids = {pdo.cob_id(link.node_id) for pdo in pdos}
+    unused = (index for index in _COMMUNICATION if index not in used and link.able.has(index, 1))
+    checks = [await _switch_off(link, index, ids) for index in unused]
     for pdo in pdos:
         try:
             for entry in mapping_writes(pdo, link.node_id):
@@ -203,16 +202,22 @@ async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[SettingChe
     return checks
 
 
-async def _switch_off(link: NodeLink, index: int) -> SettingCheck:
-    """A PDO that we do not use must not talk, nor take controlwords."""
+async def _switch_off(link: NodeLink, index: int, ids: set[int]) -> SettingCheck:
+    """A PDO that we do not use must not talk, nor take controlwords.
+
+    One that the drive keeps on may stay where its identifier is none of ours: nobody sends to it or listens to it.
+    """
+    kept = not link.able.can_write(index, 1)
     try:
         cob = await link.sdo.read(index, 1)
-        if not cob & COB_OFF:
+        if not (kept or cob & COB_OFF):
             await link.sdo.write(index, 1, cob | COB_OFF)
             cob = await link.sdo.read(index, 1)
     except SdoRefusedError as error:
         return SettingCheck(f"{index:04X}:1", "unused PDO", "off", error.reason, ok=False)
-    return SettingCheck(f"{index:04X}:1", "unused PDO", "off", "off" if cob & COB_OFF else "on", ok=bool(cob & COB_OFF))
+    off = bool(cob & COB_OFF)
+    found = "off" if off else f"on, identifier {cob & COB_MASK:X}{', read only' if kept else ''}"
+    return SettingCheck(f"{index:04X}:1", "unused PDO", "off", found, ok=off or (kept and cob & COB_MASK not in ids))
 
 
 async def _compare(link: NodeLink, entry: ObjectValue) -> SettingCheck:

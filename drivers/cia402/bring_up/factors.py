@@ -11,11 +11,13 @@ from drivers.cia402.dictionary.settings import SettingCheck
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 
 POLARITY, ENCODER, GEAR, FEED, POSITION_FACTOR, UNIT = 0x607E, 0x608F, 0x6091, 0x6092, 0x6093, 0x60A8
+SPEED_UNIT, RANGE = 0x60A9, 0x607B
 RATIOS = (ENCODER, GEAR, FEED, POSITION_FACTOR)
 REVERSED = 0xC0
 """607E: position (bit 7) and velocity (bit 6)"""
 INCREMENTS = 0xB5
 """60A8, second byte from the top: positions are in encoder increments; CiA 303-2"""
+TURNS, SECOND, MINUTE = 0xB4, 0x03, 0x47
 ALIKE = 1e-4
 """of a ratio: 0.2 mm on 2 m of cable, less than the place of a rig's marker tells"""
 
@@ -42,12 +44,43 @@ def factor_checks(told: Told, config: WinchConfig) -> list[SettingCheck]:
         encoder = _ratio(told, ENCODER)
         if encoder != 1.0:
             checks.append(_alike("608F:1", meaning, turn, encoder / factor))
-    return checks
+    return [*checks, *_speed_unit(told, config), *_range(told, config)]
+
+
+def _speed_unit(told: Told, config: WinchConfig) -> list[SettingCheck]:
+    """The unit of speeds (60A9), where a drive tells one of those that a family has, against the family's."""
+    unit, family = speed_unit(told.get((SPEED_UNIT, 0), 0)), config.family
+    if not unit:
+        return []
+    ours = [config.counts_per_digit(said) for said in family.speeds]
+    found = config.counts_per_digit(unit)
+    meaning = f"unit of speeds (family {family.name})"
+    return [SettingCheck("60A9:0", meaning, family.speed, unit, ok=any(abs(found - o) <= ALIKE * o for o in ours))]
+
+
+def speed_unit(told: int) -> str:
+    """Of an SI unit as 60A9 tells it (CiA 303-2): power of ten, numerator, denominator; empty where it is another."""
+    power, above, below = (told >> 24 ^ 0x80) - 0x80, told >> 16 & 0xFF, told >> 8 & 0xFF
+    name = {(TURNS, SECOND): "turns/s", (TURNS, MINUTE): "rpm", (INCREMENTS, SECOND): "counts/s"}.get((above, below))
+    return "" if name is None else f"{10.0**power:g} {name}" if power else name
+
+
+def _range(told: Told, config: WinchConfig) -> list[SettingCheck]:
+    """607B: beyond such a range the position begins anew, and the drive takes no target there."""
+    low, high = ((told.get((RANGE, sub), 0) + (1 << 31)) % (1 << 32) - (1 << 31) for sub in (1, 2))
+    if low >= high:  # zeros: no range
+        return []
+    first, last = sorted(config.scale.count(length) for length in config.length_limits)
+    meaning = "range of positions, beyond which it begins anew"
+    return [
+        SettingCheck("607B:1", meaning, f"{first} to {last} in it", f"{low} to {high}", ok=low <= first <= last <= high)
+    ]
 
 
 async def check_factors(sdo: SdoChannel, config: WinchConfig) -> list[SettingCheck]:
     """Read what this drive has of them, and compare. Raises DeviceError where it does not answer."""
-    wanted = [(POLARITY, 0), (UNIT, 0), *((index, sub) for index in RATIOS for sub in (1, 2))]
+    wanted = [*((index, 0) for index in (POLARITY, UNIT, SPEED_UNIT))]
+    wanted += [(index, sub) for index in (*RATIOS, RANGE) for sub in (1, 2)]
     told: dict[tuple[int, int], int] = {}
     for index, sub in wanted:
         if f"{index:04X}:{sub:X}" in config.family.absent or not sdo.knows(index, sub):

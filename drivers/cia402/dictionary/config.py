@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from drivers.cia402.dictionary.family import GENERIC_FAMILY, DriveFamily, counts_per_digit
+from drivers.cia402.dictionary.family import GENERIC_FAMILY, DriveFamily, counts_per_digit, ramp_speed
 from drivers.cia402.dictionary.requirements import TrialPassed
 from drivers.cia402.profile.scale import COUNT_MAX, COUNT_MIN, LengthScale
 from drivers.cia402.profile.signals import Signal
@@ -192,15 +192,18 @@ class WinchConfig:
         return f"{self.name} (node {self.node_id})"
 
     def drive_speed(self, metres: float) -> int:
-        """A speed (m/s) without direction as the drive is told it (6081, 607F, 60FF), at least 1."""
+        """A speed (m/s) without direction as the drive is told it (6081, 607F), at least 1."""
         return max(1, round(self._digits(metres, self.family.speed)))
 
     def drive_acceleration(self, metres: float) -> int:
         """An acceleration (m/s²) without direction as the drive is told it (6083 to 6085), at least 1."""
-        return max(1, round(self._digits(metres, self.family.acceleration or self.family.speed)))
+        unit = self.family.acceleration or self.family.speed
+        if (speed := self.ramp_speed) is not None:
+            return max(1, round(1e3 * speed / (abs(metres) * self.scale.counts_per_metre)))
+        return max(1, round(self._digits(metres, unit)))
 
     def drive_velocity(self, metres: float) -> float:
-        """A speed (m/s) without direction as the drive tells it (606C)."""
+        """A speed (m/s) without direction as the drive tells it (606C), and is told it in velocity mode (60FF)."""
         return self._digits(metres, self.family.velocity or self.family.speed)
 
     def cable_speed(self, digits: float) -> float:
@@ -209,7 +212,16 @@ class WinchConfig:
 
     def counts_per_digit(self, unit: str) -> float:
         """counts/s (counts/s²) for one digit of a quantity in a unit of the drive family."""
-        return counts_per_digit(unit, self.counts_per_turn if self.motor_counts is None else self.motor_counts)
+        return counts_per_digit(unit, self._motor_counts)
+
+    @property
+    def ramp_speed(self) -> float | None:
+        """counts/s of the family whose ramps are times to a speed (`family.ramp_speed`); None of all others."""
+        return ramp_speed(self.family.acceleration, self._motor_counts)
+
+    @property
+    def _motor_counts(self) -> float:
+        return self.counts_per_turn if self.motor_counts is None else self.motor_counts
 
     def _digits(self, metres: float, unit: str) -> float:
         return abs(metres) * self.scale.counts_per_metre / self.counts_per_digit(unit)

@@ -41,6 +41,7 @@ class AmpereObject:
     """A for one digit"""
 
 
+_RAMP = re.compile(r"ms to (.+)")
 _UNIT = re.compile(r"(?:([0-9.eE+-]+) )?(counts|turns|rpm)(?:/s)?")
 
 
@@ -56,6 +57,15 @@ def counts_per_digit(unit: str, motor_counts: float) -> float:
     return amount * {"counts": 1.0, "turns": motor_counts, "rpm": motor_counts / 60.0}[parted[2]]
 
 
+def ramp_speed(unit: str, motor_counts: float) -> float | None:
+    """counts/s in which a ramp is measured whose object holds a time: "ms to 3000 rpm"; None where it holds a slope.
+
+    Raises ValueError.
+    """
+    parted = _RAMP.fullmatch(unit)
+    return None if parted is None else counts_per_digit(parted[1], motor_counts)
+
+
 @dataclass(frozen=True)
 class DriveFamily:
     """One drive family; without arguments it keeps to the profile."""
@@ -66,11 +76,11 @@ class DriveFamily:
     source: str = ""
     """where what it says comes from"""
     speed: str = "counts/s"
-    """what one digit of 6081, 607F and 60FF is (`counts_per_digit`)"""
+    """what one digit of 6081 and 607F is (`counts_per_digit`)"""
     velocity: str = ""
-    """of 606C; empty: as speed"""
+    """of 606C and 60FF; empty: as speed"""
     acceleration: str = ""
-    """of 6083 to 6085, each a second; empty: as speed"""
+    """of 6083 to 6085, each a second; or the time to a speed ("ms to 3000 rpm"); empty: as speed"""
     load: str = "current"
     """"current" (6078) or "torque" (6077), where it is no vendor object"""
     load_object: AmpereObject | None = None
@@ -87,6 +97,11 @@ class DriveFamily:
     """objects that no PDO carries, and why that is known"""
     mode_shown: str = "always"
     """"always", or "enabled": 6061 is 0 until the drive is enabled"""
+
+    @property
+    def speeds(self) -> tuple[str, ...]:
+        """Units of speeds that it has."""
+        return (self.speed, self.velocity) if self.velocity else (self.speed,)
 
 
 GENERIC_FAMILY = DriveFamily()
@@ -130,7 +145,7 @@ def read_family(path: Path) -> DriveFamily:
         source=str(table.get("source", "")),
         speed=_unit(path, "speed", table.get("speed", "counts/s")),
         velocity=_unit(path, "velocity", table["velocity"]) if "velocity" in table else "",
-        acceleration=_unit(path, "acceleration", table["acceleration"]) if "acceleration" in table else "",
+        acceleration=_acceleration(path, table["acceleration"]) if "acceleration" in table else "",
         load="current" if isinstance(load, dict) else load,
         load_object=_object(path, "load", load) if isinstance(load, dict) else None,
         rated_current=_optional(path, "rated_current", table),
@@ -153,6 +168,12 @@ def _unit(path: Path, key: str, said: Any) -> str:
         counts_per_digit(str(said), 1.0)
     except ValueError as error:
         raise FileError(path, key, str(error)) from error
+    return str(said)
+
+
+def _acceleration(path: Path, said: Any) -> str:
+    parted = _RAMP.fullmatch(str(said))
+    _unit(path, "acceleration", said if parted is None else parted[1])
     return str(said)
 
 

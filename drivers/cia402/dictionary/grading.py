@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.cia402.dictionary.abilities import Abilities, Access
+from drivers.cia402.dictionary.abilities import Abilities
 from drivers.cia402.dictionary.config import Load, WinchConfig
+from drivers.cia402.dictionary.registers import Access
 from drivers.cia402.dictionary.requirements import REQUIREMENTS, Graded, Met, Requirement, Trial, met_by_trial
 from drivers.cia402.dictionary.settings import Setting, limits
 from drivers.cia402.profile.words import Mode, mode_name
+from drivers.cia402.wire.pdo import Mappable
 
 _STOPS = {"605D:0": range(1, 5), "605E:0": range(1, 5)}
 """values that stop: any of them will do where the drive does not let it be written"""
@@ -83,7 +85,10 @@ def _grade(
     serial_number: int,
 ) -> Graded:
     if requirement.key == "samples at each SYNC":
-        return Graded(requirement, Met.ABSENT if able.layout.problem else Met.CONFIGURED, able.layout.problem or "PDOs")
+        if able.layout.problem:
+            return Graded(requirement, Met.ABSENT, able.layout.problem)
+        carried = able.layout.tells(Mappable.VELOCITY.name)
+        return Graded(requirement, Met.CONFIGURED, "PDOs" if carried else "PDOs; no 606C: speed by the positions")
     if requirement.key == "load told":
         return _load(requirement, able, config)
     lacks: list[str] = []
@@ -131,9 +136,12 @@ def _load(requirement: Requirement, able: Abilities, config: WinchConfig) -> Gra
         own = config.family.load_object
         asked = {Load.CURRENT: "6078:0", Load.TORQUE: "6077:0"}.get(config.load, "")
         name = asked or (f"{own.index:04X}:{own.sub:X}" if own else "")
-        return Graded(requirement, Met.HOST, f"no TPDO carries {name}")
+        other = able.registers.get((0x6077, 0))
+        could = config.load is Load.CURRENT and other is not None and other.mappable and other.code
+        says = '; it has 6077: set load = "torque"' if could and not able.has(0x6078) else ""
+        return Graded(requirement, Met.HOST, f"no TPDO carries {name}{says}")
     index, sub, _ = tells.value
     return Graded(requirement, Met.CONFIGURED, f"{index:04X}:{sub:X}")
 
 
-_NO_LOAD = ("STATUSWORD", "POSITION", "MODE_DISPLAY", "VELOCITY")
+_NO_LOAD = ("", "STATUSWORD", "POSITION", "MODE_DISPLAY", "VELOCITY")

@@ -64,6 +64,8 @@ class Requirement:
     """what takes its place where the drive lacks it; empty: nothing, such a drive is refused"""
     trials: tuple[Trial, ...] = ()
     """any of them proves it"""
+    cure: str = "is it the EDS file of its firmware?"
+    """what to do about a drive that is refused for it"""
     by_fault: bool = False
     """so does every trial that the drive has ended in fault by itself"""
 
@@ -73,7 +75,12 @@ REQUIREMENTS: tuple[Requirement, ...] = (
     Requirement("state machine", _MUST, (("6040:0", "6041:0"),)),
     Requirement("position actual value", _MUST, (("6064:0",),)),
     Requirement("position command", _MUST, (("6060:0", "6061:0", "607A:0"),)),
-    Requirement("samples at each SYNC", _MUST, ()),
+    Requirement(
+        "samples at each SYNC",
+        _MUST,
+        (),
+        cure="map them with the maker's tool and give the DCF that it saves, or ask for firmware that can be mapped",
+    ),
     Requirement(
         "reaction to a lost host",
         _PROVEN,

@@ -66,7 +66,8 @@ async def jog(winch: Cia402Winch, speed: float, seconds: float) -> None:
     await switch_mode(winch, Mode.PROFILE_VELOCITY)
     order = winch.drive.begin()
     try:
-        signed = int(math.copysign(config.drive_speed(speed), speed * config.direction))
+        digits = max(1, round(config.drive_velocity(speed)))
+        signed = int(math.copysign(digits, speed * config.direction))
         await sdo.write_verified(0x60FF, 0, signed)
         winch.drive.send(order, controlword(Command.ENABLE_OPERATION))
         await winch.clock.sleep(seconds)

@@ -68,7 +68,7 @@ class NodeLink:
         self.counters = NodeCounters()
         self.twins = TwinWatch()
         """whether another node has the same id"""
-        self.decoder = SampleDecoder(self.layout.tpdos)
+        self.decoder = SampleDecoder(self.layout.tpdos, self.layout.velocity_digit)
         self.motion: LastMotion | None = None
         """which way the drum turned last, where somebody wants to know"""
         self.brought_up = False
@@ -148,7 +148,7 @@ class NodeLink:
             self.target = target
             rpdo = self.layout.rpdo
             values = {"CONTROLWORD": word, "MODE": self.mode, "TARGET_POSITION": target}
-            self._transport.send(rpdo.cob_id(self.node_id), rpdo.format.pack(*(values[e.name] for e in rpdo.entries)))
+            self._transport.send(rpdo.cob_id(self.node_id), rpdo.pack(values))
         else:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
             self.twins.asked()
@@ -158,7 +158,7 @@ class NodeLink:
         """One frame with the position (counts, 32 bits) that is taken at the next SYNC."""
         self.target = target
         if (pdo := self.layout.target) is not None:
-            self._transport.send(pdo.cob_id(self.node_id), pdo.format.pack(target))
+            self._transport.send(pdo.cob_id(self.node_id), pdo.pack({"TARGET_POSITION": target}))
 
     # what is known --------------------------------------------------------------------------------------------------
 

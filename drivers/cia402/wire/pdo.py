@@ -6,8 +6,8 @@ frame can then be taken apart with `struct` alone.
 
 import math
 import struct
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
 from operator import itemgetter
 from typing import cast
@@ -72,11 +72,19 @@ class PdoMap:
     """1: at every SYNC; 255: at once"""
     type_fixed: bool = False
     """the drive has this transmission type already, and does not let it be written"""
+    mapping_fixed: bool = False
+    """so are its entries; those that nobody asked for have no name"""
+    cob_fixed: bool = False
+    """so is its identifier"""
 
     @property
     def format(self) -> struct.Struct:
         """How its bytes are packed."""
         return struct.Struct("<" + "".join(e.code for e in self.entries))
+
+    def pack(self, values: Mapping[str, int]) -> bytes:
+        """Its bytes, from values by the names of its entries; those without a name are 0."""
+        return self.format.pack(*(values[e.name] if e.name else b"" for e in self.entries))
 
     def cob_id(self, node_id: int) -> int:
         """Frame identifier of the predefined connection set."""
@@ -123,19 +131,19 @@ class ObjectValue:
 
 
 def mapping_writes(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
-    """The writes that map a PDO, in the order of the standard: off, empty, entries, count, type, on."""
+    """The writes that map a PDO, in the order of the standard: off, empty, entries, count, type, on.
+
+    What is fixed is not written.
+    """
     off_flags = COB_OFF | (NO_REMOTE if pdo.transmit else 0)
     on_flags = NO_REMOTE if pdo.transmit else 0
     cob = pdo.cob_id(node_id)
     entries = [ObjectValue(pdo.mapping_index, n, e.mapping) for n, e in enumerate(pdo.entries, start=1)]
-    return (
-        ObjectValue(pdo.communication_index, 1, cob | off_flags),
-        ObjectValue(pdo.mapping_index, 0, 0),
-        *entries,
-        ObjectValue(pdo.mapping_index, 0, len(entries)),
-        *(() if pdo.type_fixed else (ObjectValue(pdo.communication_index, 2, pdo.transmission),)),
-        ObjectValue(pdo.communication_index, 1, cob | on_flags),
-    )
+    count = ObjectValue(pdo.mapping_index, 0, 0)
+    mapped = () if pdo.mapping_fixed else (count, *entries, replace(count, value=len(entries)))
+    typed = () if pdo.type_fixed else (ObjectValue(pdo.communication_index, 2, pdo.transmission),)
+    off, on = (ObjectValue(pdo.communication_index, 1, cob | flags) for flags in (off_flags, on_flags))
+    return (*mapped, *typed) if pdo.cob_fixed else (off, *mapped, *typed, on)
 
 
 def mapping_expected(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
@@ -159,8 +167,8 @@ class DriveValues:
     position: int
     """counts"""
     mode: int
-    velocity: int
-    """counts/s"""
+    velocity: float
+    """digits of 606C; by the change of the position where no TPDO carries it"""
     current: float
     """per mille of rated current, of rated torque, or digits of a vendor object; NaN where the drive tells no load"""
 
@@ -168,26 +176,44 @@ class DriveValues:
 _Numbers = tuple[float, ...]
 
 
-_SAMPLED = (Mappable.STATUSWORD, Mappable.POSITION, Mappable.VELOCITY)
-_TOLD = (*(entry.name for entry in _SAMPLED), Mappable.MODE_DISPLAY.name)
+_SAMPLED = (Mappable.STATUSWORD, Mappable.POSITION)
+_TOLD = (*(entry.name for entry in (*_SAMPLED, Mappable.VELOCITY)), Mappable.MODE_DISPLAY.name)
 """what else a TPDO carries is the load"""
 _values = cast(Callable[..., DriveValues], DriveValues)
+
+
+class _Differences:
+    """Velocity by the change of a position of 32 bits."""
+
+    def __init__(self, place: int, digit: float) -> None:
+        self._place, self._digit = place, digit
+        self._last: tuple[float, float] | None = None
+
+    def __call__(self, t: float, numbers: _Numbers) -> tuple[float]:
+        position = numbers[self._place]
+        before, was = self._last or (t, position)
+        self._last = t, position
+        way = (position - was + (1 << 31)) % (1 << 32) - (1 << 31)
+        return (way / (t - before) / self._digit if t > before else 0.0,)
 
 
 class SampleDecoder:
     """Puts the TPDOs of one SYNC together into one `DriveValues`; an incomplete set gives none.
 
-    Not thread-safe: one thread feeds it.
+    A velocity that no TPDO carries is the change of the position since the sample before. Not thread-safe: one thread
+    feeds it.
     """
 
-    def __init__(self, tpdos: tuple[PdoMap, ...] = TPDOS) -> None:
-        """Raises OurBugError where the layout leaves out statusword, position or velocity."""
+    def __init__(self, tpdos: tuple[PdoMap, ...] = TPDOS, velocity_digit: float = 1.0) -> None:
+        """velocity_digit: counts/s of one digit. Raises OurBugError for a layout without statusword or position."""
         order = [entry.name for pdo in tpdos for entry in pdo.entries]
         if missing := [entry.name for entry in _SAMPLED if entry.name not in order]:
             raise OurBugError(f"The TPDO layout leaves out {', '.join(missing)}.")
-        load = next((n for n, name in enumerate(order) if name not in _TOLD), len(order) + 1)
+        load = next((n for n, name in enumerate(order) if name and name not in _TOLD), len(order) + 1)
         mode = order.index(Mappable.MODE_DISPLAY.name) if Mappable.MODE_DISPLAY.name in order else len(order)
-        state, place, speed = (order.index(entry.name) for entry in _SAMPLED)
+        state, place = (order.index(entry.name) for entry in _SAMPLED)
+        self._differences = None if Mappable.VELOCITY.name in order else _Differences(place, velocity_digit)
+        speed = len(order) + 2 if self._differences else order.index(Mappable.VELOCITY.name)
         self.displayed = 0
         """the mode (6061) where no TPDO carries it: as it was read last"""
         self._formats = tuple(pdo.format for pdo in tpdos)
@@ -223,7 +249,10 @@ class SampleDecoder:
                 return None
             merged += have
         self.received += 1
-        return _values(t, *self._pick((*merged, self.displayed, math.nan)))
+        found = self._differences
+        return _values(
+            t, *self._pick((*merged, self.displayed, math.nan, *(() if found is None else found(t, merged))))
+        )
 
     def _start(self, t: float) -> None:
         present = sum(part is not None for part in self._parts)

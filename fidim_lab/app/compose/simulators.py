@@ -248,11 +248,12 @@ def _drives(
 
 def make_of(config: WinchConfig) -> Make:
     """What the winch's drive family does otherwise than the profile, for a simulated drive."""
-    family = config.family
+    family, ramp = config.family, config.ramp_speed
     return Make(
         speed=config.counts_per_digit(family.speed),
         velocity=config.counts_per_digit(family.velocity or family.speed),
-        acceleration=config.counts_per_digit(family.acceleration or family.speed),
+        acceleration=1.0 if ramp else config.counts_per_digit(family.acceleration or family.speed),
+        ramp_speed=ramp,
         rated_current=config.rated_current,
         load=_ampere(family.load_object),
         current_limit=_ampere(family.current_limit),

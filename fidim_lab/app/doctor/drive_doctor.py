@@ -5,11 +5,14 @@ which its EDS file could not have been read.
 """
 
 from collections.abc import Iterable, Sequence
+from math import isclose
 from pathlib import Path
 
-from drivers.cia402.dictionary import DriveFamily, Graded, Load, Met, WinchConfig, family_path, read_family
-from drivers.cia402.dictionary.family import GENERIC_FAMILY, families_of
+from drivers.cia402.bring_up.factors import speed_unit
+from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily, Graded, Load, Met, WinchConfig, family_path, read_family
+from drivers.cia402.dictionary.family import GENERIC_FAMILY, counts_per_digit, families_of
 from drivers.cia402.dictionary.fitted import by_file
+from drivers.cia402.wire.sdo import told_by_file
 from fidim_lab.app.doctor.checks import BY_TRIAL, Check, CheckVerdict
 from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
 
@@ -57,12 +60,24 @@ def _described(found: EdsFile, family: str) -> Check:
 
 
 def check_family(found: EdsFile, family: DriveFamily) -> list[Check]:
-    """A warning where a maker's drive goes by the generic family: its units and objects may be others."""
-    known = families_of(found.vendor) if family == GENERIC_FAMILY else ()
-    if not known:
+    """A warning where a drive's units may be others than those of its family.
+
+    A maker's drive goes by the generic one, or the file's own 60A9 says otherwise.
+    """
+    name, said = f"family of {found.path.name}", found.dictionary.get_variable(0x60A9)
+    unit = "" if said is None or "60A9:0" in family.absent else speed_unit(told_by_file(said) or 0)
+    turn = 4096.0  # any: a count is no part of a turn that a unit would name
+    if unit and not any(isclose(counts_per_digit(unit, turn), counts_per_digit(s, turn)) for s in family.speeds):
+        advice = f'a family file of your own with speed = "{unit}" (docs/rig.md), or set 60A9 with the maker\'s tool'
+        found_as = f"60A9 is {unit} by the file, and {family.speed} by {family.name}"
+        return [Check(name, CheckVerdict.WARNING, found_as, advice)]
+    if family != GENERIC_FAMILY or unit or found.path == GENERIC_EDS or found.dictionary.get_variable(0x6040) is None:
         return []
-    advice = f"try family {', '.join(known)}: a drive of other units goes at another speed than is meant"
-    return [Check(f"family of {found.path.name}", CheckVerdict.WARNING, f"{family.name}, for {found.vendor}", advice)]
+    known = families_of(found.vendor)
+    own = "look up the units of 6081, 606C and 6083: others than counts go into a family file of your own"
+    advice = f"try family {', '.join(known)}" if known else own
+    advice = f"{advice}: a drive of other units goes at another speed than is meant"
+    return [Check(name, CheckVerdict.WARNING, f"{family.name}, for {found.vendor or 'a drive of no maker'}", advice)]
 
 
 def check_repairs(found: EdsFile) -> list[Check]:
@@ -104,6 +119,6 @@ def _grade(line: Graded, device: str, unproven: CheckVerdict) -> Check:
         case Met.ABSENT:
             verdict, advice = (
                 CheckVerdict.FAILED,
-                "no winch can be moved by this drive; is it the EDS file of its firmware?",
+                f"no winch can be moved by this drive; {requirement.cure}",
             )
     return Check(requirement.key, verdict, f"{line.met}: {line.found}", advice, requirement.grade, device)

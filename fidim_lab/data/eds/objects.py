@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,6 +56,8 @@ class _Cleaner:
         self._repairs: list[Repair] = []
         self._lines: list[str] = []
         self._entries = 0
+        self._silent = False
+        """whether the file says of no object that a PDO carries it, though there are PDOs"""
         self._listed: dict[int, tuple[EdsSection, str]] = {}
         """objects that a list names, and where"""
 
@@ -68,6 +70,7 @@ class _Cleaner:
         for index, (section, key) in self._listed.items():
             self._say(section, key, f"{index:04X} is listed, and no section [{index:04X}] describes it: passed over")
         self._emit("DeviceInfo")  # canopen misses it aloud
+        self._silent = self._says_nothing_of_pdos(objects)
         for index, entry in objects.items():
             self._object(index, entry)
         return "\n".join(self._lines) + "\n", self._repairs
@@ -234,7 +237,18 @@ class _Cleaner:
         self._say(section, "accesstype", f"{problem}: taken as {access}")
         return access
 
+    def _says_nothing_of_pdos(self, objects: Mapping[int, _Object]) -> bool:
+        mapped = next((index for index in objects if 0x1600 <= index < 0x1C00), None)
+        every = (s for entry in objects.values() for s in (entry.parent, *entry.subs.values()) if s is not None)
+        if mapped is None or any(number(s.text("pdomapping")) != 0 for s in every if s.text("pdomapping")):
+            return False
+        first = objects[mapped].parent or next(iter(objects[mapped].subs.values()))
+        self._say(first, "", "PDOs are there, and no object has PDOMapping=1: what PDOs carry, the drive says")
+        return True
+
     def _mappable(self, section: EdsSection) -> bool:
+        if self._silent:
+            return True
         if "pdomapping" not in section.values:
             return False
         value = self._integer(section, "pdomapping")

@@ -18,11 +18,13 @@ class Make:
     """Without arguments the profile: counts, and per mille of 6075."""
 
     speed: float = 1.0
-    """counts/s for one digit of 6081, 607F and 60FF"""
+    """counts/s for one digit of 6081 and 607F"""
     velocity: float = 1.0
-    """counts/s for one digit of 606C"""
+    """counts/s for one digit of 606C and 60FF"""
     acceleration: float = 1.0
     """counts/s² for one digit of 6083 to 6085"""
+    ramp_speed: float | None = None
+    """counts/s, where 6083 to 6085 hold the ms of a ramp to this speed in place of a slope"""
     rated_current: float = 1.0
     """A, where there is no 6075"""
     load: Ampere | None = None

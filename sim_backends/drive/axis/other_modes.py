@@ -75,13 +75,13 @@ class ProfileVelocity(_Mode):
         if wanted == 0:
             self._positioner.ramp_down(now, 0x6084)
         else:
-            self._positioner.run(now, self._limits()[wanted > 0], abs(wanted) * self._make.speed)
+            self._positioner.run(now, self._limits()[wanted > 0], abs(wanted) * self._make.velocity)
 
     def bits(self) -> int:
         """10: at the target velocity; 12: stands."""
         velocity = self._feedback.motion.velocity
         wanted = 0 if self._halted else self._number(0x60FF)
-        return (_REACHED if abs(velocity - wanted * self._make.speed) < 1.0 else 0) | (
+        return (_REACHED if abs(velocity - wanted * self._make.velocity) < 1.0 else 0) | (
             _BIT_12 if velocity == 0.0 else 0
         )
 

@@ -152,6 +152,8 @@ class Positioner:
         others = (0x6084, 0x6083) if index == 0x6085 else (0x6083,)
         digits = next((found for at in (index, *others) if (found := number(at)) > 0), 1)
         most = (number(limit) if limit else 0) or 0xFFFFFFFF
+        if self._make.ramp_speed is not None:
+            return 1e3 * self._make.ramp_speed / digits
         return min(digits, most) * self._make.acceleration
 
     def _braking(self, t: float) -> Profile:

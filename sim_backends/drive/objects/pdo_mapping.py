@@ -14,6 +14,7 @@ from sim_backends.drive.objects.dictionary import Dictionary, ObjectSpec, Value
 _OFF = 1 << 31
 _EXTENDED = 1 << 29
 _RECORDS = 4
+_LAST_DUMMY = 0x1F
 _MAPPING_OFFSET = 0x200
 """from a PDO's communication record to its mapping"""
 
@@ -51,7 +52,7 @@ def transmit_pdos(dictionary: Dictionary) -> list[TransmitPdo]:
         cob_id = dictionary.number(record, 1, default=_OFF)
         if cob_id & _OFF:
             continue
-        specs = _mapped(dictionary, record + _MAPPING_OFFSET)
+        specs = [spec for spec, _ in _mapped(dictionary, record + _MAPPING_OFFSET) if spec is not None]
         found.append(
             TransmitPdo(
                 number=number,
@@ -74,9 +75,10 @@ def receive_pdos(dictionary: Dictionary) -> list[ReceivePdo]:
             continue
         parts: list[tuple[ObjectSpec, slice]] = []
         offset = 0
-        for spec in _mapped(dictionary, record + _MAPPING_OFFSET):
-            parts.append((spec, slice(offset, offset + (spec.size or 0))))
-            offset += spec.size or 0
+        for spec, size in _mapped(dictionary, record + _MAPPING_OFFSET):
+            if spec is not None:
+                parts.append((spec, slice(offset, offset + size)))
+            offset += size
         kind = dictionary.number(record, 2, default=255)
         found.append(ReceivePdo(cob_id & 0x7FF, kind, offset, tuple(parts)))
     return found
@@ -94,14 +96,17 @@ def guard_pdos(dictionary: Dictionary, changed: Callable[[int, int], None]) -> N
             dictionary.attach(mapping, guard=partial(_check_mapping, dictionary, mapping), watcher=changed)
 
 
-def _mapped(dictionary: Dictionary, mapping: int) -> list[ObjectSpec]:
-    specs: list[ObjectSpec] = []
+def _mapped(dictionary: Dictionary, mapping: int) -> list[tuple[ObjectSpec | None, int]]:
+    """Entries with their bytes; None for one that only holds a place (a data type's index)."""
+    found: list[tuple[ObjectSpec | None, int]] = []
     for subindex in range(1, dictionary.number(mapping, 0) + 1):
         entry = dictionary.number(mapping, subindex)
         spec = dictionary.find(entry >> 16, entry >> 8 & 0xFF)
-        if not isinstance(spec, AbortCode) and spec.size is not None:
-            specs.append(spec)
-    return specs
+        if entry >> 16 <= _LAST_DUMMY:
+            found.append((None, (entry & 0xFF) // 8))
+        elif not isinstance(spec, AbortCode) and spec.size is not None:
+            found.append((spec, spec.size))
+    return found
 
 
 def _packer(codes: list[str], readers: list[Callable[[], Value]]) -> Callable[[], bytes]:

@@ -15,7 +15,7 @@ class PdoUnit:
 
     At a SYNC the TPDOs are sampled first, then the synchronous RPDOs take effect. Type 254/255: on a change of the
     statusword, by the event timer, and when the node becomes operational.
-    Not simulated: inhibit time, RTR, SYNC start value and counter, mapping finer than a byte, dummy objects.
+    Not simulated: inhibit time, RTR, SYNC start value and counter, mapping finer than a byte.
     """
 
     def __init__(self, dictionary: Dictionary, errors: ErrorLog) -> None:

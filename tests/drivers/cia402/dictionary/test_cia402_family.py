@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.cia402.dictionary import GENERIC_EDS, Load, WinchConfig, family_path, read_family
-from drivers.cia402.dictionary.abilities import used_pdos
 from drivers.cia402.dictionary.family import FOLDER, GENERIC_FAMILY, built_in, families_of
+from drivers.cia402.dictionary.layout import used_pdos
 from drivers.cia402.dictionary.settings import identity, limits
 from drivers.cia402.motion.moves import Beside, make_sample, profile
 from drivers.cia402.wire.pdo import DriveValues
@@ -69,6 +69,7 @@ def test_copley_speaks_of_tenths_and_tens_of_counts():
         ("maxon motor ag", ("maxon-epos2", "maxon-epos4")),
         ("Pilz GmbH & Co. KG", ("schunk",)),
         ("Copley Controls Corp.", ("copley",)),
+        ("Delta Electronics, Inc.", ("delta-asda",)),
         ("Somebody", ()),
         ("", ()),
     ],
@@ -128,7 +129,8 @@ def test_a_mistake_is_named(tmp_path, case):
 
 def test_an_unknown_name_lists_those_that_there_are(tmp_path):
     with pytest.raises(
-        FileError, match="Built in are copley, elmo-gold, faulhaber, generic, infranor, maxon-epos2, maxon-epos4"
+        FileError,
+        match="Built in are copley, delta-asda, elmo-gold, faulhaber, generic, infranor, maxon-epos2, maxon-epos4",
     ):
         read_family(family_path("brand-x", tmp_path))
 

@@ -1,4 +1,6 @@
+import math
 import struct
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -12,6 +14,8 @@ from drivers.cia402.wire.pdo import (
     ObjectValue,
     PdoMap,
     SampleDecoder,
+    VendorEntry,
+    mapping_expected,
     mapping_writes,
 )
 from fidim_lab.errors import OurBugError
@@ -101,5 +105,37 @@ def test_any_frames_in_any_order(frames: list[tuple[int, bytes, int]]) -> None:
 
 
 def test_a_layout_that_leaves_a_value_out_is_our_bug() -> None:
-    with pytest.raises(OurBugError, match="VELOCITY"):
+    with pytest.raises(OurBugError, match="POSITION"):
         SampleDecoder((PdoMap(1, transmit=True, entries=(Mappable.STATUSWORD,), transmission=1),))
+
+
+def test_without_a_velocity_it_is_the_change_of_the_position_over_the_wrap_as_well() -> None:
+    one = PdoMap(1, transmit=True, entries=(Mappable.STATUSWORD, Mappable.POSITION, Mappable.CURRENT), transmission=1)
+    decoder = SampleDecoder((one,), velocity_digit=2.0)
+    places = [(1.0, 2**31 - 10), (1.5, -(2**31) + 90), (2.0, -(2**31) - 10 + 2**32)]
+    told = [decoder.feed(0, one.format.pack(0x27, place, 100), t) for t, place in places]
+    assert [values and values.velocity for values in told] == [0.0, 100.0, -100.0]
+    assert [values and values.current for values in told] == [100, 100, 100]
+
+
+def test_what_nobody_asked_for_in_a_fixed_pdo_is_passed_over() -> None:
+    other = VendorEntry("", 0x60FD, 0, "4s")
+    told = PdoMap(1, transmit=True, entries=(other, Mappable.STATUSWORD), transmission=1, mapping_fixed=True)
+    place = PdoMap(2, transmit=True, entries=(Mappable.VELOCITY, Mappable.POSITION), transmission=1)
+    decoder = SampleDecoder((told, place))
+    assert decoder.feed(0, bytes.fromhex("01 02 03 04 37 06"), 1.0) is None
+    values = decoder.feed(1, bytes.fromhex("18 FC FF FF FE FF FF FF"), 1.0)
+    assert values is not None
+    assert (values.statusword, values.position, values.velocity) == (0x0637, -2, -1000)
+    assert math.isnan(values.current)
+
+
+def test_what_is_fixed_is_not_written() -> None:
+    fixed = replace(TPDOS[0], mapping_fixed=True)
+    assert mapping_writes(fixed, 3) == (
+        ObjectValue(0x1800, 1, 0xC0000183),
+        ObjectValue(0x1800, 2, 1),
+        ObjectValue(0x1800, 1, 0x40000183),
+    )
+    assert mapping_writes(replace(fixed, cob_fixed=True, type_fixed=True), 3) == ()
+    assert [o.value for o in mapping_expected(fixed, 3)][:2] == [3, 0x60410010], "it is compared all the same"
