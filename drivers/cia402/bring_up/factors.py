@@ -7,6 +7,7 @@ Ratios of 1 are a factory's defaults and tell nothing. Source: CiA 402-2, factor
 from collections.abc import Mapping
 
 from drivers.cia402.dictionary.config import WinchConfig
+from drivers.cia402.dictionary.family import speed_unit
 from drivers.cia402.dictionary.settings import SettingCheck
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 
@@ -17,7 +18,6 @@ REVERSED = 0xC0
 """607E: position (bit 7) and velocity (bit 6)"""
 INCREMENTS = 0xB5
 """60A8, second byte from the top: positions are in encoder increments; CiA 303-2"""
-TURNS, SECOND, MINUTE = 0xB4, 0x03, 0x47
 ALIKE = 1e-4
 """of a ratio: 0.2 mm on 2 m of cable, less than the place of a rig's marker tells"""
 
@@ -56,13 +56,6 @@ def _speed_unit(told: Told, config: WinchConfig) -> list[SettingCheck]:
     found = config.counts_per_digit(unit)
     meaning = f"unit of speeds (family {family.name})"
     return [SettingCheck("60A9:0", meaning, family.speed, unit, ok=any(abs(found - o) <= ALIKE * o for o in ours))]
-
-
-def speed_unit(told: int) -> str:
-    """Of an SI unit as 60A9 tells it (CiA 303-2): power of ten, numerator, denominator; empty where it is another."""
-    power, above, below = (told >> 24 ^ 0x80) - 0x80, told >> 16 & 0xFF, told >> 8 & 0xFF
-    name = {(TURNS, SECOND): "turns/s", (TURNS, MINUTE): "rpm", (INCREMENTS, SECOND): "counts/s"}.get((above, below))
-    return "" if name is None else f"{10.0**power:g} {name}" if power else name
 
 
 def _range(told: Told, config: WinchConfig) -> list[SettingCheck]:

@@ -7,6 +7,7 @@ is absent is neither written nor asked for, in bring-up and in moves; what then 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ class AmpereObject:
     """A for one digit"""
 
 
+_TURNS, _INCREMENTS, _SECOND, _MINUTE = 0xB4, 0xB5, 0x03, 0x47
 _RAMP = re.compile(r"ms to (.+)")
 _UNIT = re.compile(r"(?:([0-9.eE+-]+) )?(counts|turns|rpm)(?:/s)?")
 
@@ -64,6 +66,15 @@ def ramp_speed(unit: str, motor_counts: float) -> float | None:
     """
     parted = _RAMP.fullmatch(unit)
     return None if parted is None else counts_per_digit(parted[1], motor_counts)
+
+
+def speed_unit(told: int) -> str:
+    """Of an SI unit as 60A9 tells it (CiA 303-2): power of ten, numerator, denominator; empty where it is another."""
+    power, above, below = (told >> 24 ^ 0x80) - 0x80, told >> 16 & 0xFF, told >> 8 & 0xFF
+    name = {(_TURNS, _SECOND): "turns/s", (_TURNS, _MINUTE): "rpm", (_INCREMENTS, _SECOND): "counts/s"}.get(
+        (above, below)
+    )
+    return "" if name is None else f"{10.0**power:g} {name}" if power else name
 
 
 @dataclass(frozen=True)
@@ -102,6 +113,11 @@ class DriveFamily:
     def speeds(self) -> tuple[str, ...]:
         """Units of speeds that it has."""
         return (self.speed, self.velocity) if self.velocity else (self.speed,)
+
+    def speaks(self, unit: str) -> bool:
+        """Whether one of its speeds has this unit."""
+        turn = 4096.0  # any: no unit of a turn is one of a count
+        return any(isclose(counts_per_digit(unit, turn), counts_per_digit(own, turn)) for own in self.speeds)
 
 
 GENERIC_FAMILY = DriveFamily()

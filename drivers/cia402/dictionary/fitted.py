@@ -4,9 +4,10 @@ import canopen
 
 from drivers.cia402.dictionary.abilities import Abilities, abilities
 from drivers.cia402.dictionary.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.dictionary.family import GENERIC_FAMILY
+from drivers.cia402.dictionary.family import GENERIC_FAMILY, speed_unit
 from drivers.cia402.dictionary.grading import grade, narrowed
 from drivers.cia402.dictionary.requirements import Graded
+from drivers.cia402.wire.sdo import told_by_file
 from drivers.ports import Trial
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import FileError, SetupError
@@ -31,6 +32,12 @@ def by_file(known: canopen.ObjectDictionary, config: WinchConfig) -> tuple[Abili
     able = abilities(known, config)
     told = {f"{i:04X}:{s:X}": r.default for (i, s), r in able.registers.items() if r.default is not None}
     return able, grade(able, config, told, config.serial_number or _tried(config))
+
+
+def speed_unit_by_file(known: canopen.ObjectDictionary) -> str:
+    """The unit of speeds that the file itself tells (60A9); empty where it tells none that a family has."""
+    said = known.get_variable(0x60A9)
+    return "" if said is None else speed_unit(told_by_file(said) or 0)
 
 
 def _tried(config: WinchConfig) -> int:

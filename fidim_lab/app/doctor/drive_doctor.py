@@ -5,14 +5,11 @@ which its EDS file could not have been read.
 """
 
 from collections.abc import Iterable, Sequence
-from math import isclose
 from pathlib import Path
 
-from drivers.cia402.bring_up.factors import speed_unit
 from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily, Graded, Load, Met, WinchConfig, family_path, read_family
-from drivers.cia402.dictionary.family import GENERIC_FAMILY, counts_per_digit, families_of
-from drivers.cia402.dictionary.fitted import by_file
-from drivers.cia402.wire.sdo import told_by_file
+from drivers.cia402.dictionary.family import GENERIC_FAMILY, families_of
+from drivers.cia402.dictionary.fitted import by_file, speed_unit_by_file
 from fidim_lab.app.doctor.checks import BY_TRIAL, Check, CheckVerdict
 from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
 
@@ -64,16 +61,15 @@ def check_family(found: EdsFile, family: DriveFamily) -> list[Check]:
 
     A maker's drive goes by the generic one, or the file's own 60A9 says otherwise.
     """
-    name, said = f"family of {found.path.name}", found.dictionary.get_variable(0x60A9)
-    unit = "" if said is None or "60A9:0" in family.absent else speed_unit(told_by_file(said) or 0)
-    turn = 4096.0  # any: a count is no part of a turn that a unit would name
-    if unit and not any(isclose(counts_per_digit(unit, turn), counts_per_digit(s, turn)) for s in family.speeds):
-        advice = f'a family file of your own with speed = "{unit}" (docs/rig.md), or set 60A9 with the maker\'s tool'
-        found_as = f"60A9 is {unit} by the file, and {family.speed} by {family.name}"
-        return [Check(name, CheckVerdict.WARNING, found_as, advice)]
+    name, unit = f"family of {found.path.name}", speed_unit_by_file(found.dictionary)
+    known = families_of(found.vendor)
+    if unit and "60A9:0" not in family.absent and not family.speaks(unit):
+        fitting = [n for n in known if read_family(family_path(n, Path())).speaks(unit)]
+        own = f'a family file of your own with speed = "{unit}" (docs/rig.md), or set 60A9 with the maker\'s tool'
+        says = f"60A9 is {unit} by the file, and {' and '.join(family.speeds)} by {family.name}"
+        return [Check(name, CheckVerdict.WARNING, says, f"family {', '.join(fitting)}" if fitting else own)]
     if family != GENERIC_FAMILY or unit or found.path == GENERIC_EDS or found.dictionary.get_variable(0x6040) is None:
         return []
-    known = families_of(found.vendor)
     own = "look up the units of 6081, 606C and 6083: others than counts go into a family file of your own"
     advice = f"try family {', '.join(known)}" if known else own
     advice = f"{advice}: a drive of other units goes at another speed than is meant"
