@@ -189,9 +189,9 @@ def _why_not(registers: Registers, entry: Entry) -> str:
     index, sub, code = entry.value
     register = registers.get((index, sub))
     if register is None:
-        return "it is not in the EDS file"
+        return "there is no such object"
     if not register.mappable:
-        return "its PDOMapping is 0"
+        return "PDOMapping is 0, or its family says so"
     if not register.code:
         return "its DataType is no whole number of at most 32 bits"
     if entry.name in _SIZED and code and register.code != code:

@@ -130,7 +130,7 @@ PROBLEMS = {
     ),
     "one entry": (dictionary((1, 1, 1, 1)), "no RPDO carries 6040:0 with 607A:0 (none of type 255 has 2 places"),
     "a position of 16 bits": (dictionary(o6064=I16), "no TPDO carries 6064:0 (its DataType has not the 32 bits"),
-    "no target": (dictionary(o607A=0), "no RPDO carries 607A:0 (it is not in the EDS file)"),
+    "no target": (dictionary(o607A=0), "no RPDO carries 607A:0 (there is no such object)"),
     "too few": (dictionary((1,)), "no TPDO carries 6064:0 (no place is left)"),
 }
 

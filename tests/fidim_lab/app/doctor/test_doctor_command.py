@@ -190,7 +190,7 @@ def test_a_family_may_say_that_the_drive_has_less(tmp_path):
     assert cli.run(command) == 1
     checks = _read(tmp_path / "d.json")
     assert checks["state machine"]["found"] == "absent: no 6041:0"
-    assert checks["samples at each SYNC"]["found"] == "absent: no TPDO carries 6041:0"
+    assert checks["samples at each SYNC"]["found"] == "absent: no TPDO carries 6041:0 (there is no such object)"
 
 
 def test_the_dictionary_of_what_is_no_drive(tmp_path, capsys):
