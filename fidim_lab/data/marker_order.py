@@ -62,6 +62,6 @@ def _distances(markers: np.ndarray) -> np.ndarray:
 
 
 def _misfit(difference: np.ndarray) -> float:
-    known = difference[np.triu_indices(len(difference), 1)]
-    known = known[np.isfinite(known)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+    """m rms; a pair never seen together counts as twice what may differ, so that pieces of one marker are no body."""
+    pairs = difference[np.triu_indices(len(difference), 1)]
+    return float(np.sqrt(np.mean(np.where(np.isfinite(pairs), pairs, 2.0 * ALIKE) ** 2))) if len(pairs) else 0.0

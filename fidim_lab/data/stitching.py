@@ -1,7 +1,7 @@
 """Markers whose labels are wrong in some samples: found again among all places seen, by the rigid distances.
 
 A sample is looked at where the labelled markers do not fit the rigid shape, or one of them is missing while a place
-was seen that nothing claims. The markers are looked for where the pose one sample before puts them; without that, by
+was seen that nothing claims; so markers that have no labels at all are found, too. The markers are looked for where the pose one sample before puts them; without that, by
 the distances between the places. A sample that stays in doubt is left as it was.
 """
 
@@ -23,8 +23,8 @@ FITS = 0.1
 """of that: a sample fits while its misfit is under it. One of five markers so far off leaves twice as much (rms)"""
 FEWEST = 3
 """markers that show a pose"""
-MOST_PLACES = 16
-"""in one sample when looking by distances"""
+MOST_PLACES = 40
+"""in one sample when looking by distances: 40³ threes in some ms"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,6 @@ def stitch(markers: MarkerSeries, places: MarkerSeries, body: MarkerShape) -> St
     """
     shape = _shape(markers, body)
     _, _, rms = fit_pose(markers, shape)
-    if np.isnan(rms).all():
-        return Stitched(markers, 0, 0)
     near = min(NEAR * _smallest(shape), FASTEST)
     limit = FITS * near
     seen = np.asarray(np.isfinite(markers).all(axis=2))

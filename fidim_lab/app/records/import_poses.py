@@ -29,15 +29,25 @@ from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
-from fidim_lab.data.rigid_body import MarkerSeries, fit_pose
+from fidim_lab.data.rigid_body import MarkerSeries, cluster_shape, fit_pose
 from fidim_lab.data.stitching import stitch
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
 
 STRAY = 5e-3
 """m, by which lengths of locked cables may vary by the poses. With a surveyed frame it was 0.1 to 0.5 in 60 takes"""
+UNFOUND = 0.5
+"""share of samples in which no marker was found by the distances, beyond which these are other markers"""
+SOLVED = 5e-6
+"""m, noise under which markers were computed, not measured: cameras leave 20 µm or more, rounding to 10 µm leaves 3"""
+FEWEST_MEASURED = 3
+"""markers stand for a pose whether measured or computed; more tell something more only if measured"""
 CLEAR = 2.0
 """times as much must they vary in another way to read the file, or it is asked for"""
+
+
+class MirroredError(RefusedError):
+    """Markers that are the robot file's in a mirror: a rigid body of the same file is mirrored as they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +79,7 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
         try:
             found = _by_markers(mechanism, log, asked)
         except RefusedError as error:
-            if not log.bodies:
+            if not log.bodies or isinstance(error, MirroredError):
                 raise _with_unit(mechanism, log, asked, error) from None
             found = _by_bodies(mechanism, log, asked)
             found = replace(found, warnings=(*found.warnings, f"markers not used: {error}"))
@@ -108,10 +118,20 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     loose = np.zeros((len(markers), 0, 3)) if log.unlabelled is None else without_filled(log.unlabelled, log.scale)[0]
     names = (*log.names, *(f"unlabelled {k + 1}" for k in range(loose.shape[1])))
     labelled = markers if markers.shape[1] >= len(body) else np.concatenate([markers, loose], axis=1)
-    order, misfit, warnings = _order(names, labelled, body, asked)
-    picked = tuple(names[k] for k in order)
-    said = (*said, f"markers in the robot file's order: {', '.join(picked)}; distances agree to {misfit * 1e3:.1f} mm")
-    mended = stitch(labelled[:, order], np.concatenate([markers, loose], axis=1), body)
+    places = np.concatenate([markers, loose], axis=1)
+    warnings: tuple[str, ...] = ()
+    try:
+        order, misfit, warnings = _order(names, labelled, body, asked)
+        picked, ordered = tuple(names[k] for k in order), labelled[:, order]
+        words = f"markers in the robot file's order: {', '.join(picked)}; distances agree to {misfit * 1e3:.1f} mm"
+    except RefusedError:
+        ordered = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
+        if asked.order or np.isnan(ordered).all(axis=2).all(axis=1).mean() > UNFOUND:
+            raise
+        picked = tuple(f"marker {k + 1}" for k in range(len(body)))
+        words = f"markers found by their distances in each sample, among {len(names)} places whatever their labels"
+    said = (*said, words)
+    mended = stitch(ordered, places, body)
     if mended.found:
         said = (*said, f"in {mended.found} samples a missing marker was found among places without a label")
     if mended.relabelled:
@@ -124,6 +144,9 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     reading, told = _upright(mechanism, log, asked, [(None, *fit_pose(even, body)[:2])])
     turned = even @ UPRIGHT[reading.up].T
     positions, rotations, rms = fit_pose(turned, body)
+    if _are_solved(turned):
+        said = (*said, "markers were computed from a pose: they are rigid to the last digit. Three stand for it")
+        turned = _three_of(turned, body)
     return PosedTake(
         t, turned, positions, rotations, rms, picked, (*said, *told.decided), (*warnings, *told.warnings)
     )  # fmt: skip
@@ -135,7 +158,7 @@ def _refuse_mirrored(markers: np.ndarray, body: np.ndarray) -> None:
     if as_read > SURVEYED and FAR * mirrored < as_read:
         what = f"The markers are the mirror image of the robot file's: as read they miss by {as_read * 1e3:.1f} mm rms"
         what = f"{what}, in a mirror by {mirrored * 1e3:.1f} mm. An axis has the wrong sign, or two are exchanged"
-        raise RefusedError(what, hint="Correct the axes in the export or in the column map.")
+        raise MirroredError(what, hint="Correct the axes in the export or in the column map.")
 
 
 def _order(
@@ -174,10 +197,20 @@ def _by_bodies(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     said = (*said, f"poses are those of rigid body {name}; its origin and axes count as the robot file's body frame")
     where, turn = reading.positions, reading.rotations
     markers = where[:, None] + np.einsum("nij,mj->nmi", turn, mechanism.robot.markers)
-    markers[:, [k for k in range(markers.shape[1]) if k not in _widest(mechanism.robot.markers)]] = np.nan
+    markers = _three_of(markers, mechanism.robot.markers)
     rms = np.where(np.isfinite(where[:, 0]), 0.0, np.nan)
     names = tuple(f"{name} {k + 1}" for k in range(markers.shape[1]))
     return PosedTake(t, markers, where, turn, rms, names, (*said, *told.decided), told.warnings)
+
+
+def _are_solved(markers: np.ndarray) -> bool:
+    """Whether markers (N, B, 3) m are rigid beyond what cameras measure."""
+    return markers.shape[1] > FEWEST_MEASURED and cluster_shape(markers).noise < SOLVED
+
+
+def _three_of(markers: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """(N, B, 3) with the others not seen."""
+    return np.where(np.isin(np.arange(len(body)), _widest(body))[:, np.newaxis], markers, np.nan)
 
 
 def _widest(body: np.ndarray) -> tuple[int, ...]:

@@ -27,7 +27,8 @@ from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FidimError, FileError
 
 LIMIT = 512 * MIB
-SQLITE = b"SQLite format 3\0"
+SQLITE, ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
+"""with which a bag, and a packed message, begin"""
 MOST_STEPS = 20_000
 """times 100 000 steps of SQLite's machine: a bag of 512 MiB takes under 1000; a view may be made to run for ever"""
 MOST_TRACKS = 200
@@ -60,9 +61,18 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
         what = f"is damaged, or of a type that cannot be read ({type(error).__name__}: {str(error)[:120]})"
         raise FileError(path, "", what) from None
     if not seen:
-        wanted = f" of topic {', '.join(topics)[:80]}" if topics else ""
-        raise FileError(path, "", f"no message{wanted} with a point or a pose.", hint="Record points or poses.")
+        raise _nothing(path, topics, decoder)
     return _log(path, _chosen(path, seen))
+
+
+def _nothing(path: Path, topics: Sequence[str], decoder: MessageDecoder) -> FileError:
+    """That a bag shows no place, and what it has instead."""
+    wanted = f" of topic {', '.join(topics)[:80]}" if topics else ""
+    found = "; ".join(f"{topic}: {why}" for topic, why in list(decoder.passed.items())[:8])
+    hint = "Record points or poses."
+    if any("definition" in why for why in decoder.passed.values()):
+        hint = "ros2 bag convert to mcap, where that package is installed, writes definitions into the bag."
+    return FileError(path, "", f"no message{wanted} with a point or a pose{f' ({found[:400]})' if found else ''}.", hint=hint)
 
 
 def _messages(path: Path, decoder: MessageDecoder) -> Iterator[BagMessage]:
@@ -107,6 +117,9 @@ def _of_sqlite(path: Path, decoder: MessageDecoder) -> Iterator[BagMessage]:
             decoders[number] = (str(name), decoder.of_topic(str(name), str(kind), *definitions.get(kind, ("", b""))))
         for number, stamp, data in connection.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
             topic, decode = decoders[number]
+            if decode is not None and data[: len(ZSTD)] == ZSTD:
+                hint = "Unpack it first: ros2 bag convert."
+                raise FileError(path, f"topic {topic[:60]}", "messages are packed with zstd.", hint=hint)
             yield BagMessage(topic, stamp * 1e-9, None if decode is None else decode(data))
     finally:
         connection.close()
@@ -164,14 +177,16 @@ def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> MarkerLog
     bodies = tuple(by_quaternions(path, name, track[:, :3], track[:, 3:]) for name, track in poses.items())
     return MarkerLog(
         path, labelled, rate, t, positions, 1.0, "z", _said(seen, t, rate), bodies, loose,
+        unit_said=all(sighting.metric for rows in seen.values() for _, sighting in rows),
         began=float(stamps[0]) if stamps[0] > EPOCH else None,
     )  # fmt: skip
 
 
 def _said(seen: dict[str, list[tuple[float, Sighting]]], t: np.ndarray, rate: float) -> tuple[str, ...]:
     own = all(sighting.stamp is not None for rows in seen.values() for _, sighting in rows)
+    metres = all(sighting.metric for rows in seen.values() for _, sighting in rows)
     said = [
-        f"topics {', '.join(seen)[:200]}; metres and z upwards by ROS's convention",
+        f"topics {', '.join(seen)[:200]}; {'metres and ' if metres else ''}z upwards by ROS's convention",
         f"{rate:.4g} Hz by the stamps of the {'messages' if own else 'recording, for the messages have none'}",
     ]
     jitter = float(np.sqrt(np.mean((t * rate - np.rint(t * rate)) ** 2)))

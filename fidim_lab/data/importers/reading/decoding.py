@@ -1,7 +1,8 @@
 """Messages of ROS 2 (CDR), protobuf and JSON as plain dicts, lists and numbers. ROS 2 needs the package rosbags.
 
 The types of a ROS 2 message are taken from the definition that the file itself brings; without one from the standard
-messages of ROS 2. What holds no point and no pose by its definition is not decoded at all: pictures, scans, text.
+messages of ROS 2 and of drivers (`ros_types`). What holds no point and no pose by its definition is not decoded at all:
+pictures, scans, text. What is passed over is named with the reason.
 """
 
 import importlib
@@ -17,9 +18,10 @@ from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
 from fidim_lab.data.files.input_file import check_values
+from fidim_lab.data.importers.reading.ros_types import DRIVERS
 from fidim_lab.errors import SetupError
 
-GEOMETRY = re.compile(rb"\b(Pose|Point|Transform|position|translation)\w*\b")
+GEOMETRY = re.compile(rb"\b(Pose|Point|Transform|position|translation|x_trans)\w*\b")
 """stands in the definition of what may hold a point or a pose"""
 LONGEST_DEFINITION = 1 << 18
 """bytes"""
@@ -40,8 +42,9 @@ class MessageDecoder:
     def __init__(self, wanted: Callable[[str], bool] = lambda _: True) -> None:
         self._wanted = wanted
         self._protobuf = DecoderFactory()
-        self._types: Any = None
         self._known: dict[tuple[int, str], Plain | None] = {}
+        self.passed: dict[str, str] = {}
+        """topics that were not decoded: why"""
 
     def mcap(self, channel: Channel, schema: Schema | None, data: bytes) -> Any:
         """A message of an MCAP file; None where it holds no geometry. Raises what damaged bytes raise."""
@@ -54,38 +57,62 @@ class MessageDecoder:
     def _of(self, channel: Channel, schema: Schema | None) -> Plain | None:
         if channel.message_encoding == "json":
             return _json
-        if schema is None or not GEOMETRY.search(schema.data + schema.name.encode()):
+        if schema is None:
             return None
+        if channel.message_encoding == "cdr":
+            return self.of_topic(channel.topic, schema.name, schema.encoding, schema.data)
+        if not GEOMETRY.search(schema.data + schema.name.encode()):
+            return self._pass(channel.topic, f"{schema.name} holds no point and no pose")
         if channel.message_encoding == "protobuf":
             found = self._protobuf.decoder_for("protobuf", schema)
             return None if found is None else lambda data: _of_protobuf(found(data), 0)
-        if channel.message_encoding == "cdr":
-            return self.cdr(schema.name, schema.encoding, schema.data)
         raise UnknownEncodingError(
             f"messages encoded as {channel.message_encoding[:20]!r}; cdr, protobuf, json are read"
         )
 
+    def _pass(self, topic: str, why: str) -> None:
+        self.passed[topic] = why[:100]
+
     def of_topic(self, topic: str, name: str, encoding: str, definition: bytes) -> Plain | None:
-        """What decodes a ROS 2 topic; None where it is not wanted, or the bag does not bring a type we do not know."""
+        """What decodes a ROS 2 topic; None where it is not wanted, shows no place, or nobody knows its type."""
         if not self._wanted(topic):
             return None
-        return self.cdr(name, encoding, definition) if definition or self._has(name) else None
-
-    def _has(self, name: str) -> bool:
+        name = name if "/msg/" in name else name.replace("/", "/msg/", 1)
+        if definition:
+            if not GEOMETRY.search(definition + name.encode()):
+                return self._pass(topic, f"{name} holds no point and no pose")
+            return self.cdr(name, encoding, definition)
+        if name in DRIVERS:
+            return self._by_forms(name)
         types, stores = _rosbags()
-        return name in types.get_typestore(stores.LATEST).types
+        if name not in types.get_typestore(stores.LATEST).types:
+            return self._pass(topic, f"{name}, whose definition the bag does not bring")
+        return self.cdr(name, encoding, definition)
+
+    def _by_forms(self, name: str) -> Plain:
+        """What decodes a driver's type by the first of its forms that the first message has."""
+        types, stores = _rosbags()
+        forms: list[Any] = []
+        for parts in DRIVERS[name]:
+            store = types.get_typestore(stores.LATEST)
+            for part, text in parts.items():
+                store.register(types.get_types_from_msg(text, part))
+            forms.append(store)
+
+        def decode(data: bytes) -> Any:
+            while len(forms) > 1:
+                try:
+                    return _of_object(forms[0].deserialize_cdr(data, name), 0)
+                except Exception:  # noqa: BLE001 - rosbags answers bytes of another form with errors of many kinds
+                    del forms[0]
+            return _of_object(forms[0].deserialize_cdr(data, name), 0)
+
+        return decode
 
     def cdr(self, name: str, encoding: str, definition: bytes) -> Plain:
         """What decodes one ROS 2 type. Raises UnknownEncodingError, and what a wrong definition raises."""
         types, stores = _rosbags()
-        if self._types is None:
-            self._types = types.get_typestore(stores.LATEST)
-        name = name if "/msg/" in name else name.replace("/", "/msg/", 1)
-        if definition:
-            self._types = self._with(types, name, encoding, definition)
-        elif name not in self._types.types:
-            raise UnknownEncodingError(f"type {name[:60]!r}, whose definition the bag does not bring")
-        store = self._types
+        store = self._with(types, name, encoding, definition) if definition else types.get_typestore(stores.LATEST)
         return lambda data: _of_object(store.deserialize_cdr(data, name), 0)
 
     def _with(self, types: Any, name: str, encoding: str, definition: bytes) -> Any:
@@ -132,7 +159,9 @@ def _of_protobuf(message: Any, depth: int) -> Any:
 
 
 def _of_object(value: Any, depth: int) -> Any:
-    if depth > 8 or isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray):
+        return value.tobytes() if value.dtype == np.uint8 else None
+    if depth > 8:
         return None
     if isinstance(value, list | tuple):
         return [_of_object(item, depth + 1) for item in value[:LONGEST_LIST]]

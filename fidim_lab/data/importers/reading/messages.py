@@ -2,23 +2,37 @@
 
     pose     {position: {x, y, z}, orientation: {x, y, z, w}} or {translation: …, rotation: …}
     point    {point: {x, y, z}}, {position: …} or {translation: …} without a rotation beside it
-    name     child_frame_id, marker_name, name, id, marker_index of this level or above; or the place in a list
+    cloud    {fields, point_step or point_stride, data}: points packed in bytes, of any datatype and order of bytes
+    vicon    {x_trans, y_trans, z_trans, x_rot, y_rot, z_rot, w}, in Vicon's unit, which no message says
+    name     child_frame_id, marker_name, name, id, marker_index of this level, behind those above; else the place in
+             a list
+    unseen   {occluded: true} or {tracking_valid: false}
     time     stamp or timestamp {sec or seconds, nanosec, nsec or nanos} of the same level or above, or of its header
 
-So geometry_msgs, nav_msgs, tf2_msgs, visualization_msgs, mocap4r2_msgs and Foxglove's own schemas are read alike.
+So geometry_msgs, nav_msgs, tf2_msgs, sensor_msgs/PointCloud2, visualization_msgs, mocap4r2_msgs, vicon_receiver and
+Foxglove's own schemas are read alike.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 DEEPEST = 8
 """levels; nav_msgs/Odometry has four"""
 MOST = 1000
 """of one message"""
-NAMES = ("child_frame_id", "marker_name", "name", "id", "marker_index")
+MOST_OF_CLOUD = 200
+"""points; a cloud of more is what a scanner saw, no markers"""
+NAMES = ("child_frame_id", "marker_name", "rigid_body_name", "segment_name", "name", "id", "marker_index")
 PAIRS = (("position", "orientation"), ("translation", "rotation"))
 POINTS = ("point", "position", "translation")
+VICON = (("x_trans", "y_trans", "z_trans"), ("x_rot", "y_rot", "z_rot", "w"))
+UNSEEN = (("occluded", True), ("tracking_valid", False))
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""of sensor_msgs/PointField; Foxglove's have signed and unsigned ones exchanged"""
 
 
 @dataclass(frozen=True)
@@ -33,24 +47,37 @@ class Sighting:
     """in the message's unit"""
     quaternion: tuple[float, float, float, float] | None
     """x, y, z, w"""
+    metric: bool = True
+    """whether places are in metres by the convention of the message"""
 
 
 def sightings(message: Any) -> Iterator[Sighting]:
     """All that a decoded message of plain dicts, lists and numbers shows. Raises ValueError beyond `MOST`."""
-    for count, found in enumerate(_walk(message, "", None, 0)):
+    named: Counter[str] = Counter()
+    for count, found in enumerate(_walk(message, "", "", None, 0)):
         if count >= MOST:
             raise ValueError(f"a message with more than {MOST} points")
-        yield found
+        named[found.name] += 1
+        yield found if named[found.name] == 1 else replace(found, name=f"{found.name}#{named[found.name]}")
 
 
-def _walk(node: Any, name: str, stamp: float | None, depth: int) -> Iterator[Sighting]:
+def _walk(node: Any, owner: str, name: str, stamp: float | None, depth: int) -> Iterator[Sighting]:
+    """owner: what levels above are called; name: alike, or the place in a list where they say nothing."""
     if depth > DEEPEST:
         return
     if isinstance(node, list):
         for index, item in enumerate(node):
-            yield from _walk(item, f"{name}/{index}" if name else str(index), stamp, depth + 1)
-    elif isinstance(node, Mapping):
-        name, stamp = _named(node) or name, _stamp(node) or stamp
+            yield from _walk(item, owner, f"{name}/{index}" if name else str(index), stamp, depth + 1)
+    elif isinstance(node, Mapping) and not any(node.get(key) is value for key, value in UNSEEN):
+        stamp = _stamp(node) or stamp
+        if own := _named(node):
+            name = owner = f"{owner}/{own}" if owner else own
+        if isinstance(node.get("data"), bytes) and isinstance(node.get("fields"), list):
+            yield from _cloud(node, name, stamp)
+            return
+        if (at := _under(node, VICON[0])) and (quaternion := _under(node, VICON[1])):
+            yield Sighting(name, stamp, at, quaternion, metric=False)  # type: ignore[arg-type]
+            return
         for place, turn in PAIRS:
             if (at := _numbers(node.get(place), "xyz")) and (quaternion := _numbers(node.get(turn), "xyzw")):
                 yield Sighting(name, stamp, at, quaternion)  # type: ignore[arg-type]
@@ -60,7 +87,48 @@ def _walk(node: Any, name: str, stamp: float | None, depth: int) -> Iterator[Sig
             if at:
                 yield Sighting(name, stamp, at, None)  # type: ignore[arg-type]
             else:
-                yield from _walk(item, name, stamp, depth + 1)
+                yield from _walk(item, owner, name, stamp, depth + 1)
+
+
+def _cloud(node: Mapping[str, Any], name: str, stamp: float | None) -> Iterator[Sighting]:
+    """The points of a small cloud. Raises ValueError where its bytes are not what its fields say."""
+    foxglove = "point_stride" in node
+    step = int(node["point_stride" if foxglove else "point_step"])
+    order = ">" if node.get("is_bigendian") is True else "<"
+    kinds = {one["name"]: _datatype(one, foxglove=foxglove) for one in node["fields"] if one["name"] in {*"xyz", "id"}}
+    offsets = [int(one["offset"]) for one in node["fields"] if one["name"] in kinds]
+    if not {*"xyz"} <= kinds.keys():
+        raise ValueError("a cloud whose points have no x, y, z")
+    point = np.dtype(
+        {"names": list(kinds), "formats": [order + kind for kind in kinds.values()], "offsets": offsets, "itemsize": step}
+    )
+    data = node["data"]
+    width = len(data) // step if foxglove else int(node["width"])
+    height = 1 if foxglove else int(node["height"])
+    if not 0 < width * height <= MOST_OF_CLOUD:
+        return
+    pitch = width * step if foxglove or height == 1 else int(node["row_step"])
+    rows = [np.frombuffer(data, point, count=width, offset=row * pitch) for row in range(height)]
+    for index, one in enumerate(np.concatenate(rows)):
+        own = str(int(one["id"])) if "id" in kinds else str(index)
+        if np.isfinite(place := tuple(float(one[axis]) for axis in "xyz")).all():
+            yield Sighting(f"{name}/{own}" if name else own, stamp, place, None)  # type: ignore[arg-type]
+
+
+def _datatype(field: Mapping[str, Any], *, foxglove: bool) -> str:
+    number = int(field["type" if foxglove else "datatype"])
+    swapped = foxglove and 1 <= number <= 6
+    kind = DATATYPES.get((number - 1 ^ 1) + 1 if swapped else number)
+    if kind is None:
+        raise ValueError(f"a cloud's {field['name']} of datatype {number}; 1 to 8 are known")
+    return kind
+
+
+def _under(node: Mapping[str, Any], keys: Sequence[str]) -> tuple[float, ...] | None:
+    """The numbers under these keys, where all are there."""
+    if not all(isinstance(node.get(key), int | float) for key in keys):
+        return None
+    return tuple(float(node[key]) for key in keys)
 
 
 def _named(node: Mapping[str, Any]) -> str:
@@ -84,8 +152,6 @@ def _stamp(node: Mapping[str, Any]) -> float | None:
 
 def _numbers(node: Any, keys: str) -> tuple[float, ...] | None:
     """The numbers of a dict that has all these keys."""
-    if not isinstance(node, Mapping) or not all(isinstance(node.get(key), int | float) for key in keys):
+    if not isinstance(node, Mapping) or (len(keys) == 3 and "w" in node):
         return None
-    if len(keys) == 3 and "w" in node:
-        return None
-    return tuple(float(node[key]) for key in keys)
+    return _under(node, tuple(keys))
