@@ -1,8 +1,9 @@
 """Markers whose labels are wrong in some samples: found again among all places seen, by the rigid distances.
 
 A sample is looked at where the labelled markers do not fit the rigid shape, or one of them is missing while a place
-was seen that nothing claims; so markers that have no labels at all are found, too. The markers are looked for where the pose one sample before puts them; without that, by
-the distances between the places. A sample that stays in doubt is left as it was.
+was seen that nothing claims; so markers that have no labels at all are found, too. The markers are looked for where the
+pose one sample before puts them; without that, by the distances between the places. A sample that stays in doubt is
+left as it was.
 """
 
 from collections.abc import Iterator

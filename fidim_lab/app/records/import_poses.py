@@ -126,7 +126,7 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
         words = f"markers in the robot file's order: {', '.join(picked)}; distances agree to {misfit * 1e3:.1f} mm"
     except RefusedError:
         ordered = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
-        if asked.order or np.isnan(ordered).all(axis=2).all(axis=1).mean() > UNFOUND:
+        if asked.order or np.isnan(ordered).all(axis=(1, 2)).mean() > UNFOUND:
             raise
         picked = tuple(f"marker {k + 1}" for k in range(len(body)))
         words = f"markers found by their distances in each sample, among {len(names)} places whatever their labels"

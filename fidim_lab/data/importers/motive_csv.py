@@ -148,9 +148,7 @@ def _places(values: np.ndarray, columns: Iterable[Mapping[str, int]], scale: flo
     return scale * values[:, np.array(picked, dtype=int).reshape(-1, 3)]
 
 
-def _body(
-    path: Path, turns: str, name: str, columns: Mapping[str, int], values: np.ndarray, scale: float
-) -> BodyTrack:
+def _body(path: Path, turns: str, name: str, columns: Mapping[str, int], values: np.ndarray, scale: float) -> BodyTrack:
     """turns: "Quaternion", or the axes in the order of the angles."""
     axes = "XYZW" if turns == QUATERNION else turns.upper()
     if sorted(f"Rotation {axis}" for axis in axes) != sorted(key for key in columns if key.startswith("Rotation")):

@@ -72,7 +72,9 @@ def _nothing(path: Path, topics: Sequence[str], decoder: MessageDecoder) -> File
     hint = "Record points or poses."
     if any("definition" in why for why in decoder.passed.values()):
         hint = "ros2 bag convert to mcap, where that package is installed, writes definitions into the bag."
-    return FileError(path, "", f"no message{wanted} with a point or a pose{f' ({found[:400]})' if found else ''}.", hint=hint)
+    return FileError(
+        path, "", f"no message{wanted} with a point or a pose{f' ({found[:400]})' if found else ''}.", hint=hint
+    )
 
 
 def _messages(path: Path, decoder: MessageDecoder) -> Iterator[BagMessage]:

@@ -103,7 +103,7 @@ class MessageDecoder:
             while len(forms) > 1:
                 try:
                     return _of_object(forms[0].deserialize_cdr(data, name), 0)
-                except Exception:  # noqa: BLE001 - rosbags answers bytes of another form with errors of many kinds
+                except Exception:  # rosbags answers bytes of another form with errors of many kinds
                     del forms[0]
             return _of_object(forms[0].deserialize_cdr(data, name), 0)
 

@@ -53,12 +53,13 @@ class Sighting:
 
 def sightings(message: Any) -> Iterator[Sighting]:
     """All that a decoded message of plain dicts, lists and numbers shows. Raises ValueError beyond `MOST`."""
-    named: Counter[str] = Counter()
+    named: Counter[tuple[str, float | None]] = Counter()
     for count, found in enumerate(_walk(message, "", "", None, 0)):
         if count >= MOST:
             raise ValueError(f"a message with more than {MOST} points")
-        named[found.name] += 1
-        yield found if named[found.name] == 1 else replace(found, name=f"{found.name}#{named[found.name]}")
+        named[found.name, found.stamp] += 1
+        again = named[found.name, found.stamp]  # things without a name of their own are told apart by their order
+        yield found if again == 1 else replace(found, name=f"{found.name}#{again}")
 
 
 def _walk(node: Any, owner: str, name: str, stamp: float | None, depth: int) -> Iterator[Sighting]:
@@ -100,7 +101,12 @@ def _cloud(node: Mapping[str, Any], name: str, stamp: float | None) -> Iterator[
     if not {*"xyz"} <= kinds.keys():
         raise ValueError("a cloud whose points have no x, y, z")
     point = np.dtype(
-        {"names": list(kinds), "formats": [order + kind for kind in kinds.values()], "offsets": offsets, "itemsize": step}
+        {
+            "names": list(kinds),
+            "formats": [order + kind for kind in kinds.values()],
+            "offsets": offsets,
+            "itemsize": step,
+        }
     )
     data = node["data"]
     width = len(data) // step if foxglove else int(node["width"])
