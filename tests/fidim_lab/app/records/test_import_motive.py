@@ -1,4 +1,4 @@
-"""Motive's exports with all kinds of columns: rigid body, markers that it set, measured ones with and without labels."""
+"""Motive's exports with all kinds of columns: rigid body, markers that it set, measured ones, labelled or not."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
