@@ -1,7 +1,7 @@
 """Which measured marker is which of the robot file: by the distances between them, which no motion changes."""
 
 from itertools import permutations
-from math import perm
+from math import comb, perm
 
 import numpy as np
 
@@ -34,7 +34,11 @@ def order_of(markers: np.ndarray, body: np.ndarray) -> tuple[tuple[int, ...], fl
     if perm(count, len(body)) > MOST_ORDERS:
         raise RefusedError(f"{count} markers are too many to tell which are the platform's {len(body)}.")
     orders = list(permutations(range(count), len(body)))
-    misfits = np.array([_misfit(between[np.ix_(order, order)] - wanted) for order in orders])
+    pairs, misfits = np.array([_misfit(between[np.ix_(order, order)] - wanted) for order in orders]).T
+    most = pairs.max()
+    if 2 * most < comb(len(body), 2):
+        raise RefusedError(f"{count} markers, most of which were never seen together: are they pieces of trajectories?")
+    misfits[pairs < most] = np.inf  # of pieces, those never seen together would contradict nothing
     best = int(np.argmin(misfits))
     rest = np.delete(misfits, best)
     if len(body) > 1 and not misfits[best] <= ALIKE:
@@ -61,7 +65,8 @@ def _distances(markers: np.ndarray) -> np.ndarray:
     return table
 
 
-def _misfit(difference: np.ndarray) -> float:
-    """m rms; a pair never seen together counts as twice what may differ, so that pieces of one marker are no body."""
-    pairs = difference[np.triu_indices(len(difference), 1)]
-    return float(np.sqrt(np.mean(np.where(np.isfinite(pairs), pairs, 2.0 * ALIKE) ** 2))) if len(pairs) else 0.0
+def _misfit(difference: np.ndarray) -> tuple[int, float]:
+    """How many pairs were ever seen together, and the misfit of their distances, m rms."""
+    known = difference[np.triu_indices(len(difference), 1)]
+    known = known[np.isfinite(known)]
+    return len(known), float(np.sqrt(np.mean(known**2))) if len(known) else 0.0

@@ -24,7 +24,7 @@ from fidim_lab.app.records.import_readings import (
 )
 from fidim_lab.app.records.import_units import in_metres, units_that_fit
 from fidim_lab.arrays import Positions, Rotations, Series
-from fidim_lab.data.importers.reading import LENGTH_UNITS
+from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of
@@ -205,7 +205,8 @@ def _by_bodies(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
 
 def _are_solved(markers: np.ndarray) -> bool:
     """Whether markers (N, B, 3) m are rigid beyond what cameras measure."""
-    return markers.shape[1] > FEWEST_MEASURED and cluster_shape(markers).noise < SOLVED
+    whole = np.isfinite(markers).all(axis=(1, 2)).sum() >= MIN_FRAMES
+    return bool(whole) and markers.shape[1] > FEWEST_MEASURED and cluster_shape(markers).noise < SOLVED
 
 
 def _three_of(markers: np.ndarray, body: np.ndarray) -> np.ndarray:
