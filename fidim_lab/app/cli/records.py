@@ -29,6 +29,7 @@ from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
 @click.option("--rate", type=Number(0, min_open=True), default=None, metavar="HZ", help="The file's frame rate.")
 @click.option("--order", default=None, metavar="A,B,C", help="The file's markers in the robot file's order.")
 @click.option("--body", default=None, metavar="NAME", help="Poses of this rigid body, not of the markers.")
+@click.option("--cables", default=None, metavar="2,1,…", help="Which of the log's cables are the robot file's 1, 2, …")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write what was found for programs.")
 @example("fidim import irma4u recordings/irma4u --out real")
 @example("fidim import vicon-text take1.txt take2.txt --robot robot.toml --out takes")
@@ -50,6 +51,7 @@ def import_(
     rate: float | None,
     order: str | None,
     body: str | None,
+    cables: str | None,
     json_file: Path | None,
 ) -> None:
     """Turn other labs' recordings of KIND into a campaign folder.
@@ -57,11 +59,11 @@ def import_(
     KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, qtm-mat, trc, c3d, mcap, ros2-bag, csv. Several
     files become one campaign: each gives the windows of free motion that are found in it.
     """
-    from fidim_lab.app.records.import_kinds import ImportOptions, import_kind_command
+    from fidim_lab.app.records.import_kinds import ImportOptions, cable_numbers, import_kind_command
     from fidim_lab.data.importers.takes import Asked
 
     names = tuple(name.strip() for name in order.split(",")) if order else ()
-    asked = Asked(up, unit, names, body, rate)
+    asked = Asked(up, unit, names, body, rate, cable_numbers(cables) if cables else ())
     options = ImportOptions(robot, takes, map_file, logs, log_map, topics, asked)
     sys.exit(import_kind_command(kind, sources, out, options, json_file))
 

@@ -85,7 +85,7 @@ def import_kind_command(
     if options.robot is not None or options.logs or options.log_map is not None or options.asked != Asked():
         raise SetupError(
             f"{kind} brings its own geometry and logs: it takes no --robot, --log, --up, --unit, --rate, --order, "
-            "--body."
+            "--body, --cables."
         )
     if kind == "grab":
         if len(sources) != 1:
@@ -123,6 +123,7 @@ def read_files(kind: str, sources: Sequence[Path], options: ImportOptions) -> Ta
     if options.robot is None:
         raise SetupError(f"{kind} needs --robot.")
     robot = read_robot(options.robot)
+    _check_cables(options.asked.cables, robot.n, options.logs)
     takes: list[Take] = []
     unread: dict[str, str] = {}
     for name, path in zip(names, files, strict=True):
@@ -170,7 +171,7 @@ def _logs(options: ImportOptions, cables: int) -> tuple[list[EncoderLog], dict[s
     unread: dict[str, str] = {}
     for path in dict.fromkeys(paths):
         try:
-            logs.append(read_robot_log(path, cables, options.log_map))
+            logs.append(_reordered(read_robot_log(path, cables, options.log_map), options.asked.cables))
         except FidimError as error:
             if len(paths) == 1:
                 raise
@@ -178,6 +179,25 @@ def _logs(options: ImportOptions, cables: int) -> tuple[list[EncoderLog], dict[s
     if paths and not logs:
         raise SetupError(f"None of {len(paths)} logs could be read; the first: {next(iter(unread.values()))[:300]}")
     return logs, unread
+
+
+def _check_cables(cables: Sequence[int], n: int, logs: Sequence[str]) -> None:
+    """Raises SetupError where --cables is no order of n cables, or there is no log that it could be about."""
+    if cables and not logs:
+        raise SetupError("--cables is about the cables of a robot log.", hint="--log names the log.")
+    if cables and sorted(cables) != list(range(1, n + 1)):
+        what = f"--cables {','.join(map(str, cables))[:60]} is no order of the numbers 1 to {n}."
+        raise SetupError(what, hint="It names the log's cables in the robot file's order, each once.")
+
+
+def _reordered(log: EncoderLog, cables: Sequence[int]) -> EncoderLog:
+    """The log's columns in the order that was asked for."""
+    if not cables:
+        return log
+    at = [k - 1 for k in cables]
+    swivels, currents = (None if columns is None else columns[:, at] for columns in (log.swivels, log.currents))
+    words = f"the robot file's cables 1 to {len(at)} are the log's {', '.join(map(str, cables))}, as asked for"
+    return replace(log, lengths=log.lengths[:, at], swivels=swivels, currents=currents, decided=(*log.decided, words))
 
 
 def _with_markers(robot: Robot, takes: Sequence[Take]) -> Robot:
@@ -192,6 +212,13 @@ def _with_markers(robot: Robot, takes: Sequence[Take]) -> Robot:
 
 def _id(stem: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", stem)
+
+
+def cable_numbers(text: str) -> tuple[int, ...]:
+    """Numbers of "2,1,3,4". Raises SetupError."""
+    if not re.fullmatch(r"\s*[0-9]{1,2}\s*(,\s*[0-9]{1,2}\s*)*", text):
+        raise SetupError(f"--cables {text[:60]!r} is not numbers, such as 2,1,3,4.")
+    return tuple(int(number) for number in text.split(","))
 
 
 def take_numbers(text: str) -> frozenset[int]:

@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fidim_lab.app.records.import_cables import LogLengths
 from fidim_lab.app.records.import_poses import PosedTake
+from fidim_lab.app.records.import_readings import FEW
 from fidim_lab.data.alignment import align_clocks
 from fidim_lab.data.importers.reading import EPOCH
 from fidim_lab.data.importers.takes import EncoderLog, Take
+from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.model.mechanism import Mechanism
 
@@ -67,6 +70,31 @@ class FromLog:
     """why the log cannot be meant; empty where nothing speaks against it"""
     zeros: np.ndarray | None = None
     """(n,) m, what was added to the log's lengths; None without a log, or with one in doubt"""
+    held: np.ndarray | None = None
+    """(n,) m, what the poses say at the median"""
+
+
+def without_log(window: Window) -> Window:
+    """An imported window without what its log says: lengths as the poses have them at the median."""
+    held = window.lengths
+    if held is not None:  # the log's zeros are such that their median is what the poses say
+        held = np.tile(np.nanmedian(held, axis=0), (len(window.t), 1))
+    return replace(window, lengths=held, currents=None, encoder_zeros=None)
+
+
+def compared(mechanism: Mechanism, take: Take, posed: PosedTake, windows: Sequence[FromLog]) -> LogLengths | None:
+    """Lengths of a take by its log and by its poses; None where no log reaches over a window."""
+    read = [(one.held - one.zeros, one.held) for one in windows if one.held is not None and one.zeros is not None]
+    if take.log is None or not read:
+        return None
+    offset, _ = _offset(mechanism, take, take.log, posed)
+    known = np.flatnonzero(np.isfinite(posed.positions).all(axis=1))
+    some = known[:: max(1, len(known) // FEW)]
+    counted = _at(take.log, take.log.lengths, posed.t[some] + offset)
+    both = np.isfinite(counted).all(axis=1)
+    seen = mechanism.lengths(posed.positions[some[both]], posed.rotations[some[both]])
+    at_rest = (np.array([logged for logged, _ in read]), np.array([held for _, held in read]))
+    return LogLengths(at_rest, (counted[both], seen))
 
 
 def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> FromLog:
@@ -88,7 +116,7 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
     doubt = too_much_motion(counted, seen)
     words = f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
     doubted = f"{take.log.source.name}: {doubt}" if doubt else ""
-    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros)
+    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros, held)
 
 
 def too_much_motion(counted: np.ndarray, seen: np.ndarray) -> str:

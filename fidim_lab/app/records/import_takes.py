@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.records.import_logs import logged
+from fidim_lab.app.records.import_cables import LogLengths, cable_order
+from fidim_lab.app.records.import_logs import FromLog, compared, logged, without_log
 from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.report.sections.numerals import counted
 from fidim_lab.app.terminal import console
@@ -50,6 +51,8 @@ class TakeWindows:
     decided: tuple[str, ...]
     warnings: tuple[str, ...]
     refused: str = ""
+    lengths: LogLengths | None = None
+    """by the log and by the poses, where there is a log that reaches over a window"""
 
 
 def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | None) -> int:
@@ -76,7 +79,25 @@ def find_windows(group: Takes) -> Sequence[TakeWindows]:
             found.append(one)
         except FidimError as error:
             found.append(TakeWindows(take, (), take.markers.decided, (), str(error)))
-    return found
+    return _without_exchanged(found)
+
+
+def _without_exchanged(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:
+    """Takes whose logs have their cables in another order than the robot file, without what these say; it is told."""
+    other = cable_order([one.lengths for one in found if one.lengths is not None])
+    if other is None:
+        return found
+    told = [one for one in found if one.lengths is not None]
+    return [
+        one
+        if one.lengths is None
+        else replace(
+            one,
+            windows=tuple(without_log(window) for window in one.windows),
+            warnings=(*one.warnings, other.says) if one is told[0] else one.warnings,
+        )
+        for one in found
+    ]
 
 
 def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
@@ -87,11 +108,13 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
     said = (*take.markers.decided, *(take.log.decided if take.log else ()), *posed.decided)
     warnings = list(posed.warnings)
     windows: list[Window] = []
+    logs: list[FromLog] = []
     for number, stretch in enumerate(free.stretches, start=1):
         rows = (posed.t >= stretch.begin - 1e-9) & (posed.t <= stretch.end + 1e-9)
         name = take.id if len(free.stretches) == 1 else f"{take.id}-{number}"
         warnings += _doubts(name, posed.names, posed.markers[rows], posed.rms[rows])
         by_log = logged(mechanism, take, posed, rows)
+        logs.append(by_log)
         said = (*said, f"{OF_WINDOW}{name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
         warnings += [f"window {name}: {by_log.doubt}"] if by_log.doubt else []
         role = take.role or Role.IDENTIFY
@@ -107,7 +130,8 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
                 encoder_zeros=by_log.zeros,
             )
         )
-    return TakeWindows(take, tuple(windows), said, tuple(warnings))
+    lengths = compared(mechanism, take, posed, logs)
+    return TakeWindows(take, tuple(windows), said, tuple(warnings), lengths=lengths)
 
 
 def _refuse_twice(one: TakeWindows, known: dict[bytes, str]) -> None:

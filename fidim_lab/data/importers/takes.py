@@ -55,6 +55,8 @@ class Asked:
     """which rigid body is the platform"""
     rate: float | None = None
     """Hz"""
+    cables: tuple[int, ...] = ()
+    """1-based: which of a log's cables are the robot file's 1, 2, …"""
 
 
 @dataclass(frozen=True, eq=False)
