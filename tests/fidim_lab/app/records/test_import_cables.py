@@ -1,5 +1,6 @@
 """Robot logs whose cables stand in another order than the robot file's: told with the option that sets it right."""
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -24,11 +25,11 @@ ZEROS = np.array([0.31, -0.12, 0.44, 0.05])
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three equilibria of a robot, each with its recorded window."""
     folder = tmp_path_factory.mktemp("simulated")
-    robot = str(folder / "robot.toml")
-    for words in (["init", robot], ["simulate", "--robot", robot, "--out", str(folder / "sim")]):
-        more = ["--equilibria", "3", "--validate", "0"] if words[0] == "simulate" else []
-        done = CliRunner().invoke(fidim, [*words, *more])
-        assert done.exit_code == 0, done.output
+    simulate = ["simulate", "--robot", "robot.toml", "--out", "sim", "--equilibria", "3", "--validate", "0"]
+    with contextlib.chdir(folder):
+        for words in (["init", "robot"], simulate):
+            done = CliRunner().invoke(fidim, words)
+            assert done.exit_code == 0, done.output
     (folder / "map.toml").write_text(MAP, encoding="utf-8")
     return folder
 
