@@ -184,9 +184,9 @@ def _unit(ratio: float) -> str:
 
 
 def _check_seen(path: Path, columns: WindowColumns) -> None:
-    """Raises FileError where the main marker is never seen, or a cable's length is not above zero."""
-    if np.isnan(columns.markers[:, 0]).any(axis=1).all():
-        raise FileError(path, "x, y, z", "the main marker is in no sample")
+    """Raises FileError where nothing shows the pose: no marker, no swivel; or a cable's length is not above zero."""
+    if np.isnan(columns.markers).any(axis=2).all() and "s1" not in columns.further:
+        raise FileError(path, "x, y, z", "no marker is in any sample")
     lengths = columns.lengths
     if lengths is not None and (lengths <= 0.0).any():
         row, cable = np.argwhere(lengths <= 0.0)[0]

@@ -120,7 +120,7 @@ def _in_other_units(gyration: float, reach: float, mass: float) -> str:
     would = {name: gyration / np.sqrt(factor) / reach for name, factor in units.items()}
     name = min(would, key=lambda unit: abs(np.log(would[unit] / USUAL)))
     if FEWEST * USUAL < would[name] <= GYRATION:
-        return f"It looks like {name}: divide it by {units[name]:g}, which makes it {would[name] * reach:.3f} m."
+        return f"It looks like {name}: divide it by {units[name]:g}, and that radius is {would[name] * reach:.3f} m."
     return f"Divide kg m² by the mass ({mass:g} kg), kg mm² by {1e6 * mass:g}."
 
 

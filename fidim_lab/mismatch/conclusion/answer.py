@@ -10,6 +10,7 @@ from math import isfinite
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, ShortAnswer, Verdict
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, plain
 
 MOST_CAUSES = 3
@@ -99,12 +100,14 @@ def _name(cause: NamedCause) -> str:
 
 
 def _sizes(parameters: dict[str, EffectParameter]) -> str:
-    """The largest by their names, as they are told."""
-    said = [
-        f"{name} = {value.value:.3g}{_spread(value.sd)} {value.unit}"
-        for name, value in list(parameters.items())[:MOST_SIZES]
-    ]
+    """The first of them by their names; those that are beyond chance lead: the others say nothing by themselves."""
+    leading = sorted(parameters.items(), key=lambda named: not _seen(named[1]))
+    said = [f"{name} = {value.value:.3g}{_spread(value.sd)} {value.unit}" for name, value in leading[:MOST_SIZES]]
     return f": {', '.join(said)}" if said else ""
+
+
+def _seen(value: EffectParameter) -> bool:
+    return value.sd is not None and isfinite(value.sd) and abs(value.value) > SHARED.certain * value.sd
 
 
 def _spread(sd: float | None) -> str:

@@ -192,3 +192,22 @@ def test_zeros_of_encoders_come_back_and_mistakes_in_them_are_named(tmp_path: Pa
         index.write_text(wrong)
         with pytest.raises(FileError, match=says):
             read_campaign(tmp_path)
+
+
+@pytest.mark.parametrize(("seen", "swivels", "read"), [(0, True, True), (1, False, True), (0, False, False)])
+def test_a_window_is_read_where_something_shows_the_pose(
+    campaign: Campaign, tmp_path: Path, seen: int, swivels: bool, read: bool
+) -> None:
+    """Swivel encoders alone do, and so does another marker where the main one is never seen."""
+    first = campaign.windows[0]
+    markers = np.full((len(first.t), 2, 3), np.nan)
+    markers[:, 2 - seen :] = 1.0
+    further = {f"s{cable}": np.zeros(len(first.t)) for cable in range(1, 5)} if swivels else {}
+    robot = replace(campaign.robot, extra_markers=np.array([[0.1, 0.0, 0.0]]))
+    dark = replace(first, markers=markers, further=further)
+    write_campaign(tmp_path, replace(campaign, robot=robot, windows=(dark,)))
+    if read:
+        assert np.isfinite(read_campaign(tmp_path).windows[0].markers).any(axis=(0, 2)).sum() == seen
+        return
+    with pytest.raises(FileError, match=r"x, y, z: no marker is in any sample"):
+        read_campaign(tmp_path)

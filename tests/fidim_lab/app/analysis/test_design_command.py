@@ -115,4 +115,4 @@ def test_an_unusual_robot_is_designed_for_with_a_warning(irma4_file: Path, tmp_p
     (tmp_path / "robot.toml").write_text(text)
     assert run(["design", "--robot", str(tmp_path / "robot.toml"), *QUICK]) == 0
     said = capsys.readouterr()
-    assert "divide kg m² by the mass" in " ".join((said.out + said.err).split())
+    assert "looks like kg m²: divide it by 11" in " ".join((said.out + said.err).split())
