@@ -203,7 +203,7 @@ def test_a_window_is_read_where_something_shows_the_pose(
     markers = np.full((len(first.t), 2, 3), np.nan)
     markers[:, 2 - seen :] = 1.0
     further = {f"s{cable}": np.zeros(len(first.t)) for cable in range(1, 5)} if swivels else {}
-    robot = replace(campaign.robot, extra_markers=np.array([[0.1, 0.0, 0.0]]))
+    robot = replace(campaign.robot, extra_markers=(np.array([0.1, 0.0, 0.0]),))
     dark = replace(first, markers=markers, further=further)
     write_campaign(tmp_path, replace(campaign, robot=robot, windows=(dark,)))
     if read:

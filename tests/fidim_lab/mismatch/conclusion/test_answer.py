@@ -47,7 +47,7 @@ def test_a_single_name_is_certain_with_its_size() -> None:
 
 def test_what_is_seen_of_a_cause_is_told_before_what_is_not() -> None:
     """A torque about y that ten standard deviations tell, after forces that none does."""
-    values = {"fx": (0.016, 0.026, "N"), "fy": (-0.017, 0.025, "N"), "fz": (0.08, 0.05, "N"), "ty": (0.029, 0.003, "N m")}
+    values = {"fx": (0.016, 0.026, "N"), "fy": (-0.017, 0.025, "N"), "ty": (0.029, 0.003, "N m")}
     parameters = {name: EffectParameter(*value) for name, value in values.items()}
     body = NamedCause("body-force", None, (), parameters, "says", single=True)
     said = answer(explanation(Verdict.EXPLAINED, body)).certain
