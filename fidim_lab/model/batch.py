@@ -5,7 +5,6 @@ column vector here, matrices flattened row by row (`rows`, `from_rows`), and not
 """
 
 from collections.abc import Iterator, Sequence
-from threading import RLock
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -13,14 +12,11 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.errors import OurBugError
+from fidim_lab.model.making import made_once
 
 BLOCK = 64
 """samples that are computed by one map, a power of two: maps of 8 to 1000 are equally fast, and CasADi keeps the place
 of every entry of a map's arguments and results, as much memory as these take themselves"""
-
-MAKING = RLock()
-"""held while a function is derived from another one: CasADi lets go of Python's lock in each of its calls, and what two
-threads would make of the same function is kept in one cache of that function"""
 
 _OVER_SAMPLES: WeakKeyDictionary[ca.Function, dict[int, ca.Function]] = WeakKeyDictionary()
 """functions of 1, 2, 4, … samples at once, kept as long as the one that they were made of"""
@@ -77,11 +73,7 @@ def over_samples(compiled: ca.Function, samples: int, *arguments: np.ndarray) ->
 
 
 def _mapped(compiled: ca.Function, samples: int) -> ca.Function:
-    with MAKING:
-        maps = _OVER_SAMPLES.setdefault(compiled, {})
-        if samples not in maps:
-            maps[samples] = compiled.map(samples)
-        return maps[samples]
+    return made_once(made_once(_OVER_SAMPLES, compiled, dict), samples, lambda: compiled.map(samples))
 
 
 def blocks(samples: int) -> Iterator[slice]:

@@ -16,6 +16,7 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
 from fidim_lab.model.geometry import rotation_from_gibbs, rotation_matrix
+from fidim_lab.model.making import MAKING
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import built
 
@@ -59,8 +60,10 @@ def dependent_pose(
     path, samples = _stepping_stones(begin, values)
     newton = mechanism.compiled(f"dependent pose {axes}", lambda made: _compile_newton(made, axes))
     count = len(path)
+    with MAKING:
+        newton = newton.mapaccum(count)
     states, residuals = evaluate(
-        newton.mapaccum(count),
+        newton,
         np.concatenate([start.position, start.rotation.ravel()]),
         path,
         *(np.tile(constant, (count, 1)) for constant in (lengths, marker, start.rotation.ravel(), mechanism.theta)),

@@ -6,7 +6,6 @@ with `compiled`.
 """
 
 from collections.abc import Callable, Sequence
-from threading import RLock
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -18,6 +17,7 @@ from fidim_lab.data.records import Cable, Robot
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.model.batch import from_rows, function, over_samples, rows
 from fidim_lab.model.geometry import CableConstants, CableExpressions, cable_expressions, skew
+from fidim_lab.model.making import MAKING, made_once
 from fidim_lab.model.slots import Effect, PlatformState
 
 T = TypeVar("T")
@@ -57,7 +57,6 @@ class Mechanism:
         if self.theta.shape != (count,):
             raise OurBugError(f"Mechanism: {count} effect parameters expected, {self.theta.size} given.")
         self._compiled: dict[str, Any] = {}
-        self._lock = RLock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled functions stay here: another process compiles its own."""
@@ -75,10 +74,7 @@ class Mechanism:
 
     def compiled(self, name: str, build: Callable[["Mechanism"], T]) -> T:
         """`build(self)`, once for this mechanism; later calls with the same name return the same object."""
-        with self._lock:  # threads that need the same wait for the first
-            if name not in self._compiled:
-                self._compiled[name] = build(self)
-            return self._compiled[name]
+        return made_once(self._compiled, name, lambda: build(self))
 
     def cables_at(self, position: ca.SX, rotation: ca.SX, theta: ca.SX) -> tuple[CableExpressions, ...]:
         """All cables at a symbolic pose, effects on geometry applied."""
@@ -102,11 +98,12 @@ class Mechanism:
     def geometry(self) -> tuple[Cable, ...]:
         """The cables as its effects have them with its θ: anchors, attachments, radii and axes moved."""
         found: list[Cable] = []
-        for index in range(self.n):
-            constants = _constants(self, index, ca.SX(ca.DM(self.theta)))
-            names = ("d", "a", "radius", "x", "y", "z")
-            d, a, radius, x, y, z = (np.array(ca.evalf(getattr(constants, name))).ravel() for name in names)
-            found.append(Cable(d, a, float(radius[0]), x, y, z, self.robot.cables[index].name))
+        with MAKING:
+            for index in range(self.n):
+                constants = _constants(self, index, ca.SX(ca.DM(self.theta)))
+                names = ("d", "a", "radius", "x", "y", "z")
+                d, a, radius, x, y, z = (np.array(ca.evalf(getattr(constants, name))).ravel() for name in names)
+                found.append(Cable(d, a, float(radius[0]), x, y, z, self.robot.cables[index].name))
         return tuple(found)
 
     def lengths(self, positions: Positions, rotations: Rotations) -> CableSeries:

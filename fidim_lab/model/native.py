@@ -23,7 +23,7 @@ from typing import Self
 
 import casadi as ca
 
-from fidim_lab.model.batch import MAKING
+from fidim_lab.model.making import MAKING, made_once
 
 FLAGS = ("-Og", "-ffp-contract=off", "-fPIC", "-shared")
 """no fused multiply-add: the digits of the virtual machine. Such straight-line code runs no faster with -O2, which
@@ -75,10 +75,7 @@ class Kernel:
     library: Path
     build: Thread | None
     """None: there is nothing to wait for"""
-    _derived: dict[Hashable, tuple[ca.Function, ca.Function]] = field(
-        default_factory=dict[Hashable, tuple[ca.Function, ca.Function]]
-    )
-    """key → what was derived from, and what that gave"""
+    _derived: dict[Hashable, ca.Function] = field(default_factory=dict[Hashable, ca.Function])
 
     @classmethod
     def of(cls, function: ca.Function, *, native: bool = True) -> Self:
@@ -99,21 +96,19 @@ class Kernel:
 
     def now(self) -> ca.Function:
         """The fastest that there is at this moment; `class_name()` tells which."""
-        with MAKING:
-            if self.build is not None and not self.build.is_alive():
-                self.build = None
-                if self.library.exists():
+        build = self.build
+        if build is not None and not build.is_alive():
+            with MAKING:
+                if self.build is build and self.library.exists():
                     self.function = _loaded(self.function, self.library)
-            return self.function
+                    self._derived.clear()
+                self.build = None
+        return self.function
 
     def derived(self, key: Hashable, make: Callable[[ca.Function], ca.Function]) -> ca.Function:
         """`make` of the fastest there is, made once for each key: CasADi takes its time for maps and loops."""
-        with MAKING:
-            function = self.now()
-            found = self._derived.get(key)
-            if found is None or found[0] is not function:
-                found = self._derived[key] = function, make(function)
-            return found[1]
+        self.now()
+        return made_once(self._derived, key, lambda: make(self.function))
 
     def wait(self) -> None:
         """Until the build has ended, well or not."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
 from fidim_lab.app.compose.multibody import Multibody, multibody_mjcf
@@ -20,7 +19,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.model.geometry import rotation_from_gibbs
+from fidim_lab.model.geometry import rotation_matrix
 from fidim_lab.model.slots import Effect
 
 MOVING = ("length_drift", "compliance", "stretch_damping", "wrench", "tension_wrench", "kinetic_energy", "extra_rates")
@@ -114,8 +113,7 @@ def gravity_of(model: Model, what: str, terms: tuple[type[Effect], ...] = ()) ->
     gravity = model.mechanism.robot.gravity
     for effect, theta in _with_theta(model):
         if isinstance(effect, NamedEffect) and effect.id == TILT:
-            turn = rotation_from_gibbs(ca.SX(ca.DM([*(theta / 2), 0.0])))
-            gravity = np.array(ca.evalf(turn)) @ gravity
+            gravity = rotation_matrix(np.append(theta / 2, 0.0)) @ gravity
         elif type(effect) not in terms and _moves(effect):
             name = effect.label if isinstance(effect, NamedEffect) else type(effect).__name__
             raise SetupError(

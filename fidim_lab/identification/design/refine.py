@@ -20,6 +20,7 @@ from fidim_lab.identification.design.limits import LimitExcess, linearised
 from fidim_lab.identification.design.motions import Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import ReleasedWindow, place
+from fidim_lab.model.making import MAKING
 from fidim_lab.model.mechanism import Mechanism
 
 SIZES = {"position": 0.1, "rotation": 0.3, "tension": 2.0, "displacement": 0.02}
@@ -94,7 +95,8 @@ def refine(
     simulated.
     """
     here, found = begin, evaluate(mechanism, task, begin, None, objective)
-    subproblem = _subproblem(*begin.shape, sizes=len(_sizes(task)))
+    with MAKING:
+        subproblem = _subproblem(*begin.shape, sizes=len(_sizes(task)))
     curvature, radius, merits = np.eye(begin.size), FIRST_RADIUS, [found.merit]
     best, count = _better(Refined(begin, np.inf, 1), begin, found), 1
     while count < most and radius > LEAST_RADIUS:

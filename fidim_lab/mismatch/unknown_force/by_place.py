@@ -62,18 +62,18 @@ def evenly(reach: Reach) -> list[Family]:
     found: list[Family] = []
     for point, degrees in product(ForcePoint, ((0, 1), (0, 1, 2), (0, 1, 2, 3))):
         positions = reach.places(point)
-        middle, half = ca.SX(ca.DM(positions.mean(axis=0))), reach.size / 2
+        middle, half = positions.mean(axis=0), reach.size / 2
 
         def law(
             state: PlatformState,
             shape: ca.SX,
             point: ForcePoint = point,
             degrees: tuple[int, ...] = degrees,
-            middle: ca.SX = middle,
+            middle: np.ndarray = middle,
             half: float = half,
         ) -> ca.SX:
             del shape
-            return monomials((point.place(state) - middle) / half, degrees)
+            return monomials((point.place(state) - ca.SX(ca.DM(middle))) / half, degrees)
 
         label = f"force on {point.value} by a polynomial of the place, degree {degrees[-1]}"
         push = partial(force_on, point)
@@ -87,7 +87,7 @@ def in_space(reach: Reach) -> list[Family]:
     for share, point in product(WIDTHS, ForcePoint):
         width = share * reach.size
         positions = reach.places(point)
-        field = partial(_field, point, ca.SX(ca.DM(centres_of(positions, width, MOST_CENTRES))), width)
+        field = partial(_field, point, centres_of(positions, width, MOST_CENTRES), width)
         none, says = NO_SHAPE, f"{width:.2g} m wide"
         label = f"force field on {point.value}, {says}"
         found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none, point=point))
@@ -96,6 +96,6 @@ def in_space(reach: Reach) -> list[Family]:
     return found
 
 
-def _field(point: ForcePoint, centres: ca.SX, width: float, state: PlatformState, shape: ca.SX) -> ca.SX:
+def _field(point: ForcePoint, centres: np.ndarray, width: float, state: PlatformState, shape: ca.SX) -> ca.SX:
     del shape
-    return bells(point.place(state), centres, ca.SX(width))
+    return bells(point.place(state), ca.SX(ca.DM(centres)), ca.SX(width))

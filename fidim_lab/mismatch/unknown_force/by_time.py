@@ -65,11 +65,11 @@ def in_time(reach: Reach) -> list[Family]:
     """Any course in time, the same in all windows."""
     found: list[Family] = []
     for width in (0.15, 0.5, 2.0):
-        centres = ca.SX(ca.DM(np.arange(0.0, reach.seconds + width, width)))
+        centres = np.arange(0.0, reach.seconds + width, width)
 
-        def course(state: PlatformState, shape: ca.SX, centres: ca.SX = centres, width: float = width) -> ca.SX:
+        def course(state: PlatformState, shape: ca.SX, centres: np.ndarray = centres, width: float = width) -> ca.SX:
             del shape
-            return bells(state.time, centres, ca.SX(width))
+            return bells(state.time, ca.SX(ca.DM(centres)), ca.SX(width))
 
         none, says = NO_SHAPE, f"changing within {width:g} s"
         found.append(Family(Dependence.TIME, f"force of time, {says}", any_force, course, none))

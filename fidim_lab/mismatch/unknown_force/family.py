@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.model.batch import function, over_samples, rows
+from fidim_lab.model.making import MAKING
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.equations import Symbols
 from fidim_lab.model.motion.rigid_body import BodyExpressions
@@ -91,12 +92,13 @@ class Courses:
 
     def __init__(self, family: Family, mechanism: Mechanism, shared: Float[np.ndarray, " shared"]) -> None:
         self.family, self._shared = family, shared
-        symbols = Symbols.of(mechanism)
-        shape = ca.SX.sym("shape", len(family.shapes[0]))
-        state = state_of(mechanism, symbols)
-        directions, features = family.wrenches(state, shape), family.features(state, shape)
-        inputs = [symbols.time, symbols.position, symbols.flat, symbols.twist, symbols.body, symbols.theta, shape]
-        self._compiled = function("courses", inputs, [rows(directions), features])
+        with MAKING:
+            symbols = Symbols.of(mechanism)
+            shape = ca.SX.sym("shape", len(family.shapes[0]))
+            state = state_of(mechanism, symbols)
+            directions, features = family.wrenches(state, shape), family.features(state, shape)
+            inputs = [symbols.time, symbols.position, symbols.flat, symbols.twist, symbols.body, symbols.theta, shape]
+            self._compiled = function("courses", inputs, [rows(directions), features])
 
     def at(
         self, sample: Sequence[np.ndarray], shape: Float[np.ndarray, " shape"]
