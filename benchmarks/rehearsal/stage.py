@@ -104,6 +104,14 @@ class Stage:
         """Somebody else's SDO download of four bytes; unseen: as in `write_pdo`."""
         self._arrives(0x600 + cable, struct.pack("<BHBi", 0x23, index, subindex, value), unseen=unseen)
 
+    def write_word(self, cable: int, index: int, value: int) -> None:
+        """A download of two bytes by the drive's own port, unseen."""
+        self._arrives(0x600 + cable, struct.pack("<BHBHxx", 0x2B, index, 0, value), unseen=True)
+
+    def write_byte(self, cable: int, index: int, value: int) -> None:
+        """One of a byte, likewise."""
+        self._arrives(0x600 + cable, struct.pack("<BHBbxxx", 0x2F, index, 0, value), unseen=True)
+
     def spin(self, cable: int, speed: float, *, unseen: bool = False) -> None:
         """A vendor's tool turns a drum in profile velocity mode, m/s of cable."""
         self.write_sdo(cable, 0x60FF, self.counts(cable, speed), unseen=unseen)

@@ -16,6 +16,9 @@ from procedures.steps import Phase
 
 OVERSHOOT = 0.25
 """part of the commanded speed by which a velocity loop may overshoot for a moment: a well-damped one stays under 0.2"""
+MEMORY = 1.0
+"""s in which a motion that the encoder does not show is forgotten: an offset of the drive's velocity counts for `place`
+in a second (3 mm/s), a rounding to whole rpm of a motor with gear 10 and drum 30 mm is 0.2 mm/s"""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,10 @@ class Follower:
         """the stop that it carries out"""
         self._behind = 0.0
         """m by which the first sample of that stop was off what was commanded"""
+        self._last: WinchSample | None = None
+        """before this one, at rest"""
+        self._unseen = 0.0
+        """m that the drive's velocity has told at rest and its encoder has not, lately"""
 
     def look(self, sample: WinchSample | None, commanded: Trajectory | None) -> str:
         """The violation in words; empty where there is none, or nothing was commanded."""
@@ -61,6 +68,8 @@ class Follower:
         off = _outside(sample.length - self._behind, places)
         if abs(off) > self._allowed.place:
             return f"is {off * 1e3:+.1f} mm from where it was told to be, {self._allowed.place * 1e3:g} mm is allowed"
+        if self._turns_unseen(sample, resting=not any(speeds)):
+            return f"moves at {sample.velocity:+.3f} m/s by its drive's velocity, and its encoder does not follow"
         beyond = abs(_outside(sample.velocity, speeds))
         if beyond <= self._allowed.speed + OVERSHOOT * max(map(abs, speeds)):
             self._too_fast_since = None
@@ -69,6 +78,16 @@ class Follower:
         elif sample.t - self._too_fast_since >= self._allowed.lasting:
             return f"moves at {sample.velocity:+.3f} m/s, {seen[1][1]:+.3f} m/s was commanded"
         return ""
+
+    def _turns_unseen(self, sample: WinchSample, *, resting: bool) -> bool:
+        """Whether a drum at rest turns by the drive's velocity (of its motor) and not by its encoder (of the drum)."""
+        last, self._last = self._last, sample if resting else None
+        if not resting or last is None:
+            self._unseen = 0.0
+        elif (elapsed := sample.t - last.t) > 0.0:
+            told = 0.5 * (sample.velocity + last.velocity) * elapsed
+            self._unseen = (self._unseen + told - (sample.length - last.length)) * math.exp(-elapsed / MEMORY)
+        return abs(self._unseen) > self._allowed.place
 
     def _follows(self, sample: WinchSample, commanded: Trajectory) -> bool:
         """Whether a sample tells of this command. A stop in motion counts from the first one that does.

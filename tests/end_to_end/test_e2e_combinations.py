@@ -42,6 +42,35 @@ def frozen(stage, *ids, flickers=b""):
         stage.bus.rules.append(FrameRule(frozenset({one}), change=repeat))
 
 
+def aborts(stage, cable):
+    """Every SDO: not in this state of the drive."""
+    stage.bus.rules.append(
+        FrameRule(frozenset({0x580 + cable}), change=lambda data: b"\x80" + data[1:4] + bytes.fromhex("22000008"))
+    )
+
+
+def power_gone(stage):
+    """The hardware's emergency stop, and a brake of which nothing is left."""
+    stage.drive(2).defects.brake_open = True
+    for drive in stage.rig.drives:
+        drive.od.write(0x605E, 0, b"\x00\x00")
+        drive.faults.raise_fault(0x5441, lasting=True)
+
+
+def comes_back(stage):
+    """Firmware that enables its drive by itself after a power cut, at its last speed."""
+
+    async def restart():
+        stage.bus.inject(0, bytes((0x81, 2)))
+        await stage.sleep(0.3)
+        stage.write_sdo(2, 0x60FF, stage.counts(2, 0.05), unseen=True)
+        stage.write_byte(2, 0x6060, 3)
+        for word in (0x06, 0x07, 0x0F):
+            stage.write_word(2, 0x6040, word)
+
+    stage.spawn(restart())
+
+
 def mixed_up(stage):
     """Drive 2 answers no question, and drive 3's answers come under its identifier, too."""
 
@@ -152,6 +181,44 @@ CASES = {
         "its samples (TPDO) stay where they are, its encoder, asked by SDO, is +",
         "winch 2 did not obey",
         way=0.01,
+    ),
+    "frozen samples of a drive that refuses to tell its encoder, while the drum turns": Case(
+        "Ask",
+        0.5,
+        lambda s: (frozen(s, 0x182, 0x282), aborts(s, 2), s.spin(2, 0.05, unseen=True)),
+        "it refuses to tell its encoder by SDO (not in this state of the drive",
+        "winch 2 did not obey",
+    ),
+    "an encoder of the drum that stands while the motor creeps": Case(
+        "Ask",
+        0.5,
+        lambda s: (setattr(s.drive(2).defects, "encoder_frozen", True), s.spin(2, 0.01, unseen=True)),
+        "winch 2 moves at +0.010 m/s by its drive's velocity, and its encoder does not follow",
+        "stand still, held",
+    ),
+    "a quick stop that is ignored while the drum turns": Case(
+        "Ask",
+        0.5,
+        lambda s: (setattr(s.drive(2).defects, "quick_stop_ignored", True), s.spin(2, 0.05, unseen=True)),
+        "winch 2 is +3.",
+        "winch 2 did not obey the stop (is still in operation enabled",
+    ),
+    "a stop in words alone while the drum turns": Case(
+        "Ask",
+        0.5,
+        lambda s: (setattr(s.drive(2).defects, "stops_in_words", True), s.spin(2, 0.05, unseen=True)),
+        "winch 2 is +3.",
+        "winch 2 did not obey the stop",
+    ),
+    "all power gone, and a brake that slips": Case(
+        "Ask", 0.5, power_gone, "all 4 winches report a fault: emergency 0x5441", "winch 2 did not obey the stop"
+    ),
+    "a drive restarts and is enabled by itself, turning": Case(
+        "Ask",
+        0.5,
+        comes_back,
+        "winch 2 reports a fault: the drive restarted by itself",
+        "winch 2 was not seen to stop",
     ),
     "a drive answers for another": Case("Settle", 0.0, mixed_up, "answers no question (SDO)", "stand still", way=0.001),
     "a tension that cannot be": Case(

@@ -205,3 +205,105 @@ def not_enabled(draw: Draw) -> Fault:
     rule = FrameRule(frozenset({0x200 + cable}), change=lambda data: data[:0] if word in data[:6] else data)
     says = f"drive {cable} never hears controlword {word[::-1].hex()}"
     return Fault(says, lambda stage: stage.bus.rules.append(rule), (cable,))
+
+
+@kind("drives", "stops badly", *ANY)
+def stops_badly(draw: Draw) -> Fault:
+    """A defect that commissioning would have found, and that came since."""
+    cable = draw.cable()
+    defect = draw.pick(
+        *("quick_stop_ignored", "stops_in_words", "ramp_ten_times_too_long", "halt_coasts", "enables_itself"),
+        *("heartbeat_ignored", "following_error_ignored", "limit_ignored", "brake_open", "encoder_frozen"),
+    )
+    says = f"drive {cable} has the defect: {defect.replace('_', ' ')}"
+    return Fault(says, lambda stage: setattr(stage.drive(cable).defects, defect, True), (cable,), DEAF)
+
+
+@kind("drives", "samples frozen", *ANY)
+def samples_frozen(draw: Draw) -> Fault:
+    """The firmware that fills its PDOs hangs; heartbeat, SDO and the servo live."""
+    cable, ids = draw.cable(), draw.pick((0x180, 0x280), (0x180,), (0x280,))
+    last: dict[int, bytes] = {}
+    rules = [FrameRule(frozenset({i + cable}), change=lambda data, i=i: last.setdefault(i, data)) for i in ids]
+    names = " ".join(f"{i + cable:03X}" for i in ids)
+    says = f"frames {names} have the same contents for ever"
+    return Fault(says, lambda stage: stage.bus.rules.extend(rules), (cable,))
+
+
+@kind("drives", "old samples", *ANY)
+def old_samples(draw: Draw) -> Fault:
+    """Through a gateway that keeps a queue."""
+    seconds, cables = draw.some(0.3, 3.0), draw.pick((draw.cable(),), (1, 2, 3, 4))
+    ids = draw.pick((0x180, 0x280), (0x180, 0x280, 0x580), (0x180, 0x280, 0x580, 0x700))
+    rule = FrameRule(frozenset(i + cable for i in ids for cable in cables), delay=seconds)
+    names = " ".join(f"{i:03X}" for i in ids)
+    says = f"what drives {cables} say ({names}) comes {seconds:.2f} s late"
+    return Fault(says, lambda stage: stage.bus.rules.append(rule), cables)
+
+
+@kind("drives", "aborts every SDO", *ANY)
+def aborts(draw: Draw) -> Fault:
+    cable = draw.cable()
+    code = draw.pick(0x08000022, 0x08000020, 0x06010000).to_bytes(4, "little")
+    rule = FrameRule(frozenset({0x580 + cable}), change=lambda data: b"\x80" + data[1:4] + code)
+    return Fault(f"drive {cable} aborts every SDO", lambda stage: stage.bus.rules.append(rule), (cable,))
+
+
+@kind("drives", "SDO tells an old place", *ANY)
+def old_place(draw: Draw) -> Fault:
+    cable = draw.cable()
+    last: list[bytes] = []
+
+    def old(data: bytes) -> bytes:
+        if data[1:4] != b"\x64\x60\x00":
+            return data
+        last.append(data)
+        return last[0]
+
+    rule = FrameRule(frozenset({0x580 + cable}), change=old)
+    says = f"by SDO drive {cable} tells the place of now for ever"
+    return Fault(says, lambda stage: stage.bus.rules.append(rule), (cable,))
+
+
+@kind("drives", "statusword stuck", *POWERED)
+def status_stuck(draw: Draw) -> Fault:
+    cable = draw.cable()
+    last: list[bytes] = []
+
+    def stuck(data: bytes) -> bytes:
+        last.append(data[:2])
+        return last[0] + data[2:]
+
+    rule = FrameRule(frozenset({0x180 + cable}), change=stuck)
+    says = f"the statusword of drive {cable} stays as it is"
+    return Fault(says, lambda stage: stage.bus.rules.append(rule), (cable,))
+
+
+@kind("drives", "heartbeat of another state", *ANY)
+def another_state(draw: Draw) -> Fault:
+    cable, state = draw.cable(), draw.pick(0x7F, 0x04, 0x00)
+    rule = FrameRule(frozenset({0x700 + cable}), change=lambda _data: bytes((state,)))
+    says = f"the heartbeats of drive {cable} say {state:02X}"
+    return Fault(says, lambda stage: stage.bus.rules.append(rule), (cable,))
+
+
+@kind("drives", "restarts enabled", *POWERED)
+def restarts_enabled(draw: Draw) -> Fault:
+    """Firmware that enables its drive by itself after a power cut, where it stands or at its last speed."""
+    cable, later, turning = draw.cable(), draw.some(0.05, 2.0), draw.pick(True, False)
+    speed = draw.size(0.005, 0.05)
+
+    def strike(stage):
+        async def restart():
+            stage.bus.inject(0x000, bytes((0x81, cable)))
+            await stage.sleep(later)
+            if turning:
+                stage.write_sdo(cable, 0x60FF, stage.counts(cable, speed), unseen=True)
+                stage.write_byte(cable, 0x6060, 3)
+            for word in (0x06, 0x07, 0x0F):
+                stage.write_word(cable, 0x6040, word)
+
+        stage.spawn(restart())
+
+    how = f"turning at {mm(speed)}/s" if turning else "where it stands"
+    return Fault(f"drive {cable} restarts and is enabled {later:.2f} s later, {how}", strike, (cable,))

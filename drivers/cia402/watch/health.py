@@ -2,10 +2,11 @@
 
 Asked by SDO twice a second, its encoder (6064) ten times. A drive that sends samples and answers no question does not
 hear: the next stop may not reach it, and nobody would know before it is needed. One whose samples stay where they are
-while its encoder, asked here, tells another place sends old ones: every guard would look at the past.
+while its encoder, asked here, tells another place sends old ones: every guard would look at the past. One that twice
+refuses to tell its encoder leaves that unknown, and an unknown place is no place that holds.
 
-By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. An object
-that the drive refuses is not asked for again; what has not been answered lately is unknown.
+By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. Any other
+object that the drive refuses is not asked for again; what has not been answered lately is unknown.
 """
 
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ COMPARED_EVERY = 0.1
 """s between two comparisons of encoder and samples: with old samples an uncommanded 0.05 m/s runs `OLD`, then at most
 this time and `BETWEEN`, 7.5 mm together. Ten questions a second and drive are 2 % of the frames of a 100 Hz cycle"""
 DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
+REFUSES_SAYS = "it refuses to tell its encoder by SDO ({}): its samples (TPDO) may be old"
 OLD_SAYS = "its samples (TPDO) stay where they are, its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
 OLD = 1e-3
 """m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
@@ -105,8 +107,15 @@ class HealthPoll:
     async def _compare(self) -> str:
         """Whether samples and encoder agree; what is wrong where they do not."""
         before = self._link.values
-        told = await self._number(POSITION, 0)
-        if before is None or told is None:
+        try:
+            told = await self._link.sdo.read(POSITION)
+        except SdoRefusedError:
+            await self._clock.sleep(BETWEEN)
+            try:
+                told = await self._link.sdo.read(POSITION)
+            except SdoRefusedError as error:
+                return REFUSES_SAYS.format(error.reason)
+        if before is None:
             return ""
         await self._clock.sleep(BETWEEN)
         after, allowed = self._link.values, self._scale.magnitude(OLD)

@@ -1,5 +1,7 @@
 """`fidim power-off`: take the power from a rig's drives, as after a run whose host has gone, and acknowledge faults."""
 
+import asyncio
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from drivers.cia402.bring_up import refuse_other_master
 from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import acknowledge_fault, read_state, take_power
 from drivers.clock import LoopClock
-from drivers.ports import DriveState
+from drivers.ports import Clock, DriveState
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import listening_time, make_master, open_bus
 from fidim_lab.app.compose.winches import winch_configs
@@ -23,6 +25,11 @@ from fidim_lab.errors import DeviceError, HardwareError, RefusedError, SetupErro
 
 FORMAT = "fidim-power-off/1"
 QUESTION = "Without power only brakes and stands hold the platform. Is the load secured?"
+WATCHED = 1.0
+"""s after the last drive has lost its power"""
+STILL = 3e-4
+"""m of cable in that time: three counts of a coarse encoder (2000 a turn, no gear, drum 30 mm); a brake that slips by
+0.3 mm/s is told, 5 mm in 17 s"""
 ENDED_FIRST = "A service holds the load with the drives' power. End it first; then this takes the power."
 
 
@@ -37,7 +44,7 @@ class PowerOffOptions:
 
 
 def power_off_command(options: PowerOffOptions) -> int:
-    """Switch off drive by drive; returns 3 where one keeps its power or its fault, or does not answer.
+    """Switch off drive by drive; returns 3 where one keeps its power or its fault, turns without it, or is silent.
 
     Raises SetupError while a service has the rig; BusError where the bus cannot be reached, and where another master is
     heard: that one holds the load.
@@ -57,6 +64,7 @@ async def _power_off(file: RigFile, acknowledged_by: str | None, told: list[dict
     clock = LoopClock()
     transport = open_bus(file)
     failed = False
+    watched: list[Cia402Winch] = []
     try:
         nodes = [entry.node_id for entry in file.winches]
         await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file), nodes)
@@ -74,9 +82,34 @@ async def _power_off(file: RigFile, acknowledged_by: str | None, told: list[dict
                 console.err.print(str(error), markup=False)
                 continue
             failed |= after is DriveState.FAULT
+            watched.append(winch)
             told.append({"drive": device, "before": str(before), "after": str(after)})
             hint = "; look at the cause, then --acknowledge NAME" if after is DriveState.FAULT else ""
             console.out.print(f"{device}: {before} → {after}{hint}", markup=False)
+        failed |= await _turns(watched, clock, told)
     finally:
         transport.close()
     return HardwareError.exit_code if failed else 0
+
+
+async def _turns(winches: Sequence[Cia402Winch], clock: Clock, told: list[dict[str, object]]) -> bool:
+    """Whether a drum turns that has no power any more, by its encoder: its brake does not hold."""
+    before = await asyncio.gather(*map(_length, winches))
+    await clock.sleep(WATCHED)
+    after = await asyncio.gather(*map(_length, winches))
+    turns = False
+    for winch, was, now in zip(winches, before, after, strict=True):
+        if was is None or now is None or abs(now - was) > STILL:
+            turns = True
+            way = "its encoder does not answer" if was is None or now is None else f"{1e3 * (now - was):+.1f} mm"
+            says = f"{winch.config.device} is not seen to stand without power ({way} in {WATCHED:g} s): keep away."
+            told.append({"drive": winch.config.device, "error": says})
+            console.err.print(says, markup=False)
+    return turns
+
+
+async def _length(winch: Cia402Winch) -> float | None:
+    try:
+        return await winch.ask_length()
+    except DeviceError:
+        return None

@@ -91,3 +91,29 @@ def test_a_guard_may_look_in_one_phase_only_and_names_the_winch(phase, trips):
     seen = Observation(0.0, phase, (sample(0.0, 1.4, 9.9), sample(0.0, 1.4025)), None, (HELD, HELD))
     says = guard.look(seen)
     assert says == ("b is +2.5 mm from where it was told to be, 2 mm is allowed" if trips else None)
+
+
+@pytest.mark.parametrize(("speed", "way"), [(0.01, 0.004), (-0.01, 0.004), (0.005, 0.005), (0.05, 0.002)])
+def test_a_motor_that_turns_behind_an_encoder_that_stands_is_seen(speed, way):
+    t, says = first_trip(lambda t: 1.4, HELD, lambda t: speed)
+    assert abs(speed) * t <= way
+    assert "does not follow" in says or "was commanded" in says
+
+
+def test_an_offset_and_noise_of_the_velocity_are_let_be():
+    rounding = 0.002  # m/s: a motor without gear that tells whole rpm
+    assert first_trip(lambda t: 1.4, HELD, lambda t: rounding, seconds=60.0) == (None, "")
+    assert first_trip(lambda t: 1.4, HELD, lambda t: 0.02 * (-1) ** round(t / 0.01), seconds=10.0) == (None, "")
+    late = 0.02  # s of the drive's filter
+    swing = (lambda t: 1.4 + 0.0015 * math.sin(8.0 * t), lambda t: 0.012 * math.cos(8.0 * (t - late)))
+    assert first_trip(swing[0], HELD, swing[1], seconds=10.0) == (None, "")
+
+
+def test_what_a_move_has_told_is_no_motion_at_rest():
+    follower = Follower(TOLERANCE)
+    for k in range(200):
+        t = 0.01 * k
+        assert not follower.look(sample(t, MOVE.at(t)[0], 0.9 * MOVE.at(t)[1]), MOVE)
+    rest = Trajectory.standing(2.0, MOVE.at(2.0)[0])
+    for k in range(200, 400):
+        assert not follower.look(sample(0.01 * k, rest.at(2.0)[0]), rest)
