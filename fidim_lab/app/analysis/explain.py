@@ -3,6 +3,7 @@
 Progress goes to standard error, the answer to standard output. An answer is exit code 0, whatever it says.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from rich.console import Group, RenderableType
@@ -13,7 +14,7 @@ from rich.text import Text
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, write_explanation
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, write_explanation
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.selection.budget import PATIENCE
 from fidim_lab.units import millimetres, plain, signed
@@ -60,6 +61,7 @@ def summary(explanation: Explanation) -> RenderableType:
         Text(f"{explanation.campaign}: {explanation.verdict.value}", style="bold"),
         *_parts(explanation),
         *(effect_table(cause) for cause in explanation.effects),
+        *(_sizes_table(f"Like {term.like}: {term.says}", term.parameters) for term in explanation.law),
         *([Text("Where it shows", style="bold")] if explanation.where else []),
         *(Text(f"  {place.says}") for place in explanation.where),
         ranking_table(explanation),
@@ -79,9 +81,13 @@ def effect_table(cause: NamedCause) -> Table:
     """One named effect with its parameters."""
     place = "" if cause.cable is None else f" of cable {cause.cable}"
     alike = f"; not to be told from {', '.join(cause.equivalent_to)}" if cause.equivalent_to else ""
-    table = Table(title=escape(f"{cause.id}{place}: {cause.says}{alike}"))
+    return _sizes_table(f"{cause.id}{place}: {cause.says}{alike}", cause.parameters)
+
+
+def _sizes_table(title: str, parameters: Mapping[str, EffectParameter]) -> Table:
+    table = Table(title=escape(title))
     console.columns(table, "parameter", "value", "sd", "unit")
-    for name, parameter in cause.parameters.items():
+    for name, parameter in parameters.items():
         sd = "held" if parameter.sd is None else f"{parameter.sd:.2g}"
         table.add_row(name, plain(parameter.value, 5), sd, parameter.unit)
     return table

@@ -8,7 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, HeldOutTable, RankedTable, WhereTable
+from fidim_lab.app.formats.explanation_parts import (
+    EffectTable,
+    ExplanationPart,
+    HeldOutTable,
+    LawTermTable,
+    RankedTable,
+    WhereTable,
+)
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
@@ -80,6 +87,7 @@ class ExplanationTable(ExplanationPart):
     seconds: float | None = None
     untested: tuple[str, ...] = ()
     unknown: UnknownTable | None = None
+    law: tuple[LawTermTable, ...] = ()
     geometry: GeometryTable | None = None
 
 

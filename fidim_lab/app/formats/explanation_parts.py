@@ -39,6 +39,14 @@ class EffectTable(ExplanationPart):
         return self.id if self.cable is None else f"{self.id} (cable {self.cable})"
 
 
+class LawTermTable(ExplanationPart):
+    """One term of a model with a law that has no name."""
+
+    like: str
+    says: str
+    parameters: dict[str, EffectParameterTable]
+
+
 class WhereTable(ExplanationPart):
     """Where it shows."""
 

@@ -1,4 +1,4 @@
-"""Drag of the air on the platform as a whole, at its centre of mass; and drag that is steeper than any air's."""
+"""Drag of the air on the platform as a whole, at its centre of mass; and drag by powers of speed that no air has."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +16,8 @@ from fidim_lab.model.slots import PlatformState
 
 STILL = 1e-6
 """m/s: keeps ‖v‖ differentiable at rest"""
+CREEP = 1e-3
+"""m/s, up to which a flat drag is linear: every window begins at rest, where its slope would have no end"""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,11 @@ class AirDragLinear(NamedEffect):
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """−c v_G at G."""
         return at_centre(state, -theta[0] * state.velocity(state.centre))
+
+    def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """Of a lower power of the speed, as strong at 1 m/s."""
+        del robot
+        return ((FlatDrag(), np.array([values[0], FlatDrag().absent[1]])),) if values[0] > 0 else ()
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """That of a sail at the fastest speed."""
@@ -65,6 +72,16 @@ class AirDragQuadratic(NamedEffect):
         return {"c": context.quadratic_drag}
 
 
+def _by_power(state: PlatformState, theta: ca.SX, still: float) -> ca.SX:
+    """−c ‖v_G‖^(p − 1) v_G at G; θ = (c, p)."""
+    velocity = state.velocity(state.centre)
+    squared = ca.dot(velocity, velocity) + still**2
+    return at_centre(state, -theta[0] * squared ** (0.5 * (theta[1] - 1)) * velocity)
+
+
+_STRENGTH = Parameter("c", "N at 1 m/s", "drag takes energy", scale=0.2, low=0.0, high=1e3, start=0.5)
+
+
 @dataclass(frozen=True)
 class SteepDrag(UnknownEffect):
     """F = −c ‖v_G‖^(p − 1) v_G with p well above 2, v in m/s: no air does that, whatever does.
@@ -76,16 +93,35 @@ class SteepDrag(UnknownEffect):
     says: ClassVar[str] = "a force against the velocity of the centre of mass, F = −c ‖v_G‖^(p − 1) v_G"
     source: ClassVar[str] = "a power law, for want of a better one"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("c", "N at 1 m/s", "drag takes energy", scale=0.2, low=0.0, high=1e3, start=0.5),
+        _STRENGTH,
         Parameter("p", "1", "that of air has 1 to 2", scale=0.5, low=2.5, high=8.0, start=3.0, scan=(3.0,)),
     )
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """−c ‖v_G‖^(p − 1) v_G at G."""
-        velocity = state.velocity(state.centre)
-        squared = ca.dot(velocity, velocity) + STILL**2
-        return at_centre(state, -theta[0] * squared ** (0.5 * (theta[1] - 1)) * velocity)
+        return _by_power(state, theta, STILL)
 
     def narrower(self, values: np.ndarray) -> tuple[NamedEffect, np.ndarray]:
         """Of the square, as strong at 1 m/s."""
         return AirDragQuadratic(), values[:1]
+
+
+@dataclass(frozen=True)
+class FlatDrag(UnknownEffect):
+    """F = −c ‖v_G‖^(p − 1) v_G with p well below 1, v in m/s: grease, or something that the platform slides along."""
+
+    variant: ClassVar[str] = "a drag flatter than air's"
+    says: ClassVar[str] = SteepDrag.says
+    source: ClassVar[str] = SteepDrag.source
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        _STRENGTH,
+        Parameter("p", "1", "that of air has 1 to 2", scale=0.5, low=0.0, high=0.75, start=0.5, scan=(0.5,)),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c ‖v_G‖^(p − 1) v_G at G."""
+        return _by_power(state, theta, CREEP)
+
+    def narrower(self, values: np.ndarray) -> tuple[NamedEffect, np.ndarray]:
+        """Of the speed itself, as strong at 1 m/s."""
+        return AirDragLinear(), values[:1]

@@ -67,6 +67,8 @@ def _certain(told: Explanation) -> Iterable[str]:
             shared = shared_by((cause.id, *(member.id for member in cause.members)))
             if shared is not None:
                 yield f"{shared[0].upper()}{shared[1:]}, whatever its place."
+    if told.law:
+        yield f"It acts like {', '.join(f'{term.like}{_sizes(term.parameters)}' for term in told.law)}."
     if told.geometry is not None and told.geometry.moved:
         off = [value for one in told.geometry.moved if one.what == "anchor" for value in one.by]
         if off:
@@ -102,7 +104,10 @@ def _name(cause: NamedCause) -> str:
 def _sizes(parameters: dict[str, EffectParameter]) -> str:
     """The first of them by their names; those that are beyond chance lead: the others say nothing by themselves."""
     leading = sorted(parameters.items(), key=lambda named: not _seen(named[1]))
-    said = [f"{name} = {value.value:.3g}{_spread(value.sd)} {value.unit}" for name, value in leading[:MOST_SIZES]]
+    said = [
+        f"{name} = {value.value:.3g}{_spread(value.sd)} {value.unit}".removesuffix(" 1")
+        for name, value in leading[:MOST_SIZES]
+    ]
     return f": {', '.join(said)}" if said else ""
 
 

@@ -95,6 +95,17 @@ class Reading:
 
 
 @dataclass(frozen=True)
+class LawTerm:
+    """One term of a model with a law of force that has no name."""
+
+    like: str
+    """in a few words: what it acts like, or the id of an effect beside it"""
+    says: str
+    """with the formula"""
+    parameters: dict[str, EffectParameter]
+
+
+@dataclass(frozen=True)
 class ShortAnswer:
     """The answer in four short parts, for people."""
 
@@ -201,6 +212,8 @@ class Explanation:
     """ids of the catalogue that this version could not test"""
     unknown: UnknownForce | None = None
     """the generic model of what has no name, where one helps"""
+    law: tuple[LawTerm, ...] = ()
+    """where a law without a name predicts best, its terms: figures and parameters are theirs"""
     geometry: Geometry | None = None
     """what was left open of the robot file's, and where the recordings have it; None where it counts as exact"""
     answer: ShortAnswer | None = None
@@ -228,6 +241,7 @@ class Explanation:
             "seconds": round(self.seconds, 2),
             "untested": list(self.untested),
             "unknown": None if self.unknown is None else unknown_table(self.unknown),
+            "law": [{**vars(term), "parameters": _parameters(term.parameters)} for term in self.law],
             "geometry": None if self.geometry is None else self.geometry.table,
             "test": None if self.test is None else self.test.table,
             "readings": [_reading(one) for one in self.readings],

@@ -15,6 +15,7 @@ from fidim_lab.mismatch.conclusion.explanation import (
     BodyParameter,
     EffectParameter,
     Explanation,
+    LawTerm,
     MismatchPlace,
     NamedCause,
     Verdict,
@@ -66,17 +67,31 @@ def _places(found: Fit) -> tuple[MismatchPlace, ...]:
 
 def _cause(found: Selection, model: Completed, k: int, doubtful: bool) -> NamedCause:
     """Term k. doubtful: no name of this model is the only one."""
-    tried = model.tried[k]
-    values, sds = model.theta_of(k)
-    inflation = float(np.sqrt(max(1.0, model.fit.chi2_per_dof)))
-    parameters = {
-        parameter.name: EffectParameter(float(value), float(sd) * inflation, parameter.unit)
-        for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
-    }
-    effect, members = tried.effect, alike(found, k)
-    ids, has_own = tuple(one.id for one in members), not effect.parts(values, sds)
+    effect, members = model.tried[k].effect, alike(found, k)
+    ids, has_own = tuple(one.id for one in members), not effect.parts(*model.theta_of(k))
     single = stands_alone(members) and has_own and not doubtful
-    return NamedCause(effect.id, effect.cable, ids, parameters, effect.says, members, single)
+    return NamedCause(effect.id, effect.cable, ids, _parameters(model, k), effect.says, members, single)
+
+
+def law_terms(model: Completed) -> tuple[LawTerm, ...]:
+    """The terms of a model with a law that nothing of the catalogue has, that law first; none without such a law."""
+    if all(term.effect.id != UnknownEffect.id for term in model.tried):
+        return ()
+    order = sorted(range(len(model.tried)), key=lambda k: model.tried[k].effect.id != UnknownEffect.id)
+    effects = [(model.tried[k].effect, _parameters(model, k)) for k in order]
+    return tuple(
+        LawTerm(effect.variant if effect.id == UnknownEffect.id else effect.id, effect.says, parameters)
+        for effect, parameters in effects
+    )
+
+
+def _parameters(model: Completed, k: int) -> dict[str, EffectParameter]:
+    """Of term k; where the model leaves more than noise, their sd are as much larger."""
+    inflation = float(np.sqrt(max(1.0, model.fit.chi2_per_dof)))
+    return {
+        parameter.name: EffectParameter(float(value), float(sd) * inflation, parameter.unit)
+        for parameter, value, sd in zip(model.tried[k].effect.parameters, *model.theta_of(k), strict=True)
+    }
 
 
 def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
@@ -146,7 +161,7 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
             said += f"{found.baseline.whiteness.says} {_best_of_no_use(found)}"
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {_left(best)}."
-                said += _law_without_a_name(best.model)
+                said += _law_without_a_name(law_terms(best.model))
             if judged.outdone_by is not None:
                 said += f" {_outdone(judged.outdone_by, found)}"
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
@@ -187,17 +202,13 @@ def _left(one: Candidate) -> str:
     return f"χ²/dof of the fitted windows {one.model.fit.chi2_per_dof:.3g}, without held-out windows to judge it"
 
 
-def _law_without_a_name(model: Completed) -> str:
+def _law_without_a_name(terms: Sequence[LawTerm]) -> str:
     """What is known of a law that nothing of the catalogue has, where one was fitted."""
-    said = ""
-    for k, tried in enumerate(model.tried):
-        if tried.effect.id == UnknownEffect.id:
-            values = zip(tried.effect.parameters, *model.theta_of(k), strict=True)
-            sizes = ", ".join(
-                f"{p.name} = {value:.3g} ± {sd:.2g} {p.unit}".removesuffix(" 1") for p, value, sd in values
-            )
-            said += f" It is like {tried.effect.variant}: {tried.effect.says}, {sizes}."
-    return said
+    if not terms:
+        return ""
+    law = terms[0]
+    values = (f"{name} = {p.value:.3g} ± {p.sd:.2g} {p.unit}".removesuffix(" 1") for name, p in law.parameters.items())
+    return f" It is like {law.like}: {law.says}, {', '.join(values)}."
 
 
 def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:

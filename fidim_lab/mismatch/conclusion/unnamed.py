@@ -5,7 +5,7 @@ from dataclasses import replace
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.mismatch.conclusion.explanation import Before, BodyParameter, Explanation, Verdict
-from fidim_lab.mismatch.conclusion.message import body_parameters
+from fidim_lab.mismatch.conclusion.message import body_parameters, law_terms
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.candidates import Candidate
@@ -46,12 +46,15 @@ def _leaves_less(law: Candidate, wrench: Explanation, named: Candidate) -> bool:
 
 
 def _by_law(explanation: Explanation, law: Candidate, campaign: Campaign) -> Explanation:
+    terms = law_terms(law.model)
     return replace(
         explanation,
         chi2_per_dof=Before(explanation.chi2_per_dof.before, law.held_out.chi2_per_dof),
         rms_mm=Before(explanation.rms_mm.before, millimetres(law.held_out.rms)),
         parameters=body_parameters(law.model.fit, campaign),
         message=f"{explanation.message} The figures and the body are those of this law.",
+        next_experiment=f"Look on the robot for what acts like {terms[0].like}.",
+        law=terms,
     )
 
 

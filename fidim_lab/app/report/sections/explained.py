@@ -1,9 +1,10 @@
 """What was left out and the proof, as a section of a page: tables in words, pictures of before and after."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fidim_lab.app.formats.explanation_file import ExplanationTable, FamilyTable, UnknownTable
-from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectTable
+from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectParameterTable, EffectTable
 from fidim_lab.app.report.contents.proof import ProofOfCause
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.sections import proof_figures
@@ -54,7 +55,10 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
         completes=found.verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED),
         message=found.message,
         next=found.next_experiment or "",
-        effects=tuple(effect_table(effect) for effect in found.effects),
+        effects=(
+            *(effect_table(effect) for effect in found.effects),
+            *(_sizes_table(f"Like {term.like}: {term.says}", term.parameters) for term in found.law),
+        ),
         places=tuple(dict.fromkeys(place.says for place in found.where)),
         unknown=() if unknown is None else unknown.words,
         field=() if field is None else proof_figures.field_drawings(field.field),
@@ -68,11 +72,15 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
 def effect_table(effect: EffectTable) -> ReportTable:
     """One effect with its sizes."""
     alike = f"; these data cannot tell it from {', '.join(effect.alike)}" if effect.alike else ""
+    return _sizes_table(f"{effect.label}: {effect.says}{alike}", effect.parameters)
+
+
+def _sizes_table(caption: str, parameters: Mapping[str, EffectParameterTable]) -> ReportTable:
     rows = [
         (name, short(p.value), "held at its bound" if p.sd is None else f"{p.sd:.2g}", p.unit)
-        for name, p in effect.parameters.items()
+        for name, p in parameters.items()
     ]
-    return ReportTable(f"{effect.label}: {effect.says}{alike}", ("parameter", "value", "sd", "unit"), tuple(rows))
+    return ReportTable(caption, ("parameter", "value", "sd", "unit"), tuple(rows))
 
 
 def figures_table(found: ExplanationTable) -> ReportTable:

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
+from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.linearised.hypotheses import general, hypotheses
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.unknown import Term, UnknownForce
@@ -40,16 +43,21 @@ def test_a_wrench_that_takes_less_than_half_is_not_described(
 
 @pytest.mark.parametrize(("left", "told"), [(1.0, "law"), (2.9, "law"), (3.3, "wrench"), (9.0, "wrench")])
 def test_figures_are_those_of_a_law_where_it_leaves_less_than_half_of_what_a_wrench_leaves(
-    quiet: Baseline, claim: Callable[..., Candidate], left: float, told: str
+    irma4: Robot, quiet: Baseline, claim: Callable[..., Candidate], left: float, told: str
 ) -> None:
+    simple = next(h for h in hypotheses(irma4).direct if h.effect.id == "air-drag-linear")
+    ((flat, theta),) = simple.effect.wider(np.array([0.1]), irma4)
     term = Term("repeats", Dependence.PERIODIC, None, None, (5.0,), WORDS, True)
     wrench = UnknownForce((term,), 0.9, held(10.0), held(5.4), WORDS, None, (), (), quiet.fit, 1.0)
     base = Explanation(
         "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(10.0, 10.0), Before(1.0, 1.0), (), {}, {}, None, "Missing.", 1.0
     )
-    law = claim(held_out=left, white=left == 1.0)
+    law = claim(general(simple, flat, theta), held_out=left, white=left == 1.0, theta=theta)
     judged = Judged(Verdict.UNKNOWN_PHYSICS, claim(), wrench, law=law)
     found, model = with_unknown(base, judged, quiet.campaign, lambda _: None)
     assert (found.unknown is None) is (told == "law")
     assert found.chi2_per_dof.after == pytest.approx(left if told == "law" else 5.4)
     assert (model is law.model) is (told == "law")
+    assert [(term.like, term.parameters["c"].value) for term in found.law] == (
+        [("a drag flatter than air's", 0.1)] if told == "law" else []
+    )
