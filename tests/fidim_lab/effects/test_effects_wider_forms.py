@@ -7,6 +7,7 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import PlatformState
@@ -47,20 +48,21 @@ def test_without_a_spring_there_is_nothing_to_generalise(irma4: Robot) -> None:
 
 
 def test_most_effects_have_no_wider_form(irma4: Robot) -> None:
-    assert AirDragLinear().wider(np.array([0.5]), irma4) == pytest.approx(())
+    assert ConstantForce().wider(np.array([0.5, 0.0, 0.0]), irma4) == ()
 
 
-def test_drag_of_a_higher_power_begins_as_strong_and_grows_faster(irma4: Robot) -> None:
-    ((effect, theta),) = AirDragQuadratic().wider(np.array([0.7]), irma4)
+@pytest.mark.parametrize("air", [AirDragLinear(), AirDragQuadratic()])
+def test_drag_of_another_power_begins_as_strong_and_grows_otherwise(irma4: Robot, air: NamedEffect) -> None:
+    ((effect, theta),) = air.wider(np.array([0.7]), irma4)
     assert effect.id == "unknown"
     along = np.array([0.6, -0.64, 0.48])  # a unit vector
     for speed in (0.5, 1.0, 2.0):
         drag = -0.7 * speed ** theta[1] * along
         np.testing.assert_allclose(resisted(irma4, effect, theta, speed * along), drag, rtol=1e-6)
     simple, values = effect.narrower(theta) or (effect, theta)
-    assert simple == AirDragQuadratic()
+    assert simple == air
     np.testing.assert_allclose(resisted(irma4, simple, values, along), resisted(irma4, effect, theta, along), rtol=1e-6)
-    assert AirDragQuadratic().wider(np.array([0.0]), irma4) == ()
+    assert air.wider(np.array([0.0]), irma4) == ()
 
 
 def resisted(robot: Robot, effect: NamedEffect, theta: np.ndarray, velocity: np.ndarray) -> np.ndarray:
