@@ -29,6 +29,9 @@ TWICE_ENDED = re.compile(r"\r+\n")
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
 DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ]+(\d{1,2})(:.*)")
 """a date with points, as much of Europe writes it"""
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+NAMED = re.compile(rf"(\d{{1,2}})[- ]({'|'.join(MONTHS)})[a-z]*[- ](\d{{4}})[T ]+(\d{{1,2}})(:.*)", re.IGNORECASE)
+"""a date with the month's English name, as MATLAB and LabVIEW write it"""
 BASIC = re.compile(r"(\d{4})(\d\d)(\d\d)[T _](\d\d):?(\d\d):?(\d\d)(.*)")
 """ISO 8601's basic form"""
 YEAR_FIRST, SLASHED = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)([T ].*)"), re.compile(r"\d\d?/\d\d?/\d{4}\b")
@@ -141,6 +144,9 @@ def _iso(cell: str) -> str:
     if found := YEAR_FIRST.fullmatch(text):
         year, month, day, rest = found.groups()
         return f"{year}-{month:0>2}-{day:0>2}{rest}"
+    if found := NAMED.fullmatch(text):
+        day, month, year, hour, rest = found.groups()
+        return f"{year}-{MONTHS.index(month.lower()) + 1:02d}-{day:0>2} {hour:0>2}{rest}"
     if found := DAY_FIRST.fullmatch(text):
         day, month, year, hour, rest = found.groups()
         return f"{year}-{month:0>2}-{day:0>2} {hour:0>2}{rest}"

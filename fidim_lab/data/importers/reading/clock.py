@@ -101,7 +101,8 @@ def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
         raise FileError(path, "time", f"sample {k + 2} {same}", hint=ONE_TAKE if steps[k] < 0.0 else "")
     t = t - t[0]
     rate = check_rate(path, float(1.0 / np.median(steps)))
-    rate *= max(1.0, float(np.rint(t[-1] * rate))) / (t[-1] * rate)
+    for _ in range(3):  # each step alone is a whole number of them, also where the median of jittering ones is not one
+        rate = max(1.0, float(np.rint(steps * rate).sum())) / t[-1]
     off = np.abs(t * rate - np.rint(t * rate))
     if off.max() > UNEVEN or (np.diff(np.rint(t * rate)) == 0.0).any():
         raise FileError(path, "time", f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering")

@@ -36,6 +36,7 @@ class TableMap(Table):
     """What every map of a table says of the text itself."""
 
     time: Column
+    nanoseconds: Column | None = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     decimal: Literal[".", ","] | None = None
@@ -48,7 +49,7 @@ class ColumnTable:
     values: Float[np.ndarray, "N K"]
     """the first of them is the time"""
     dated: bool
-    """whether times are dates or times of day: then they are in s"""
+    """whether times are dates, times of day, or seconds and nanoseconds: then they are in s"""
     decided: tuple[str, ...]
     """what was decided, a sentence each"""
 
@@ -71,6 +72,7 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     if decimal == delimiter and not any('"' in row for row in rows[1:TOP]):
         raise FileError(path, "", "the decimal sign is the delimiter too")
     split = [cells_of(row, delimiter) for row in rows]
+    wanted = [*wanted, *([] if said.nanoseconds is None else [said.nanoseconds])]
     at, header = _header(split, wanted)
     places = [_place(path, header, column, wanted_by) for column in wanted]
     below = split[at + 1 :] if header else split
@@ -93,7 +95,11 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     if len(found) < MIN_FRAMES:
         raise FileError(path, "", f"{len(found)} rows; a recording has at least {MIN_FRAMES}")
     dated = len(split[first]) > places[0] and is_dated(split[first][places[0]])
-    return ColumnTable(np.array(found), dated, tuple(decided))
+    values = np.array(found)
+    if said.nanoseconds is None:
+        return ColumnTable(values, dated, tuple(decided))
+    values[:, 0] += 1e-9 * values[:, -1]
+    return ColumnTable(values[:, :-1], True, tuple(decided))
 
 
 def _numbers(path: Path, line: int, cells: Sequence[str], places: Sequence[int], decimal: str) -> list[float]:
