@@ -6,6 +6,8 @@ from fidim_lab.arrays import runs
 
 SENTINELS = (-9999.0, -999.0, 9999.0, 999.0, 99999.0, 9999999.0, -9999999.0)
 """in the file's own unit, in all three coordinates: one of them may well be 999 mm"""
+NOWHERE = 1e9
+"""in the file's own unit, beyond which nothing stands: what a damaged cell says. Squares of it are still numbers"""
 FEWEST_HELD = 10
 """equal places in a row: measured ones differ in the last digit"""
 
@@ -18,6 +20,7 @@ def without_filled(positions: np.ndarray, scale: float) -> tuple[np.ndarray, tup
     marks = {
         "at exactly 0, 0, 0": np.asarray(positions == 0.0).all(axis=2),
         "with a value that stands for not seen": _all_sentinels(positions / scale),
+        "with a value that is no place": np.asarray(np.abs(positions / scale) > NOWHERE).any(axis=2),
         f"that did not change for {FEWEST_HELD} samples or more": _held(positions),
     }
     said = tuple(f"{int(mark.sum())} samples {words} count as not seen" for words, mark in marks.items() if mark.any())

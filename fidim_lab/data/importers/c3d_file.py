@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, read_bytes
-from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near, length_scale
+from fidim_lab.data.importers.reading.cells import MIN_FRAMES, length_scale
 from fidim_lab.data.importers.reading.clock import check_rate
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.recording import MarkerLog
@@ -84,8 +84,6 @@ def _log(
     named = [name or f"*{k + 1}" for k, name in enumerate([*names[:count], *[""] * (count - len(names))])]
     named = [name if named.index(name) == k else f"*{k + 1}" for k, name in enumerate(named)]
     scale = length_scale(path, "POINT:UNITS", unit) if unit else 1.0
-    if unit:
-        check_near(path, scale * positions, "check POINT:UNITS")
     up = _up(screen)
     labelled, kept, loose = apart(named, scale * positions)
     said = [f"{rate:g} Hz" + (f", lengths in {unit}" if unit else "") + (f", {up} upwards" if up else "")]

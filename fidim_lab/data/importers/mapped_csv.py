@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, read_toml
-from fidim_lab.data.importers.reading.cells import EPOCH, check_near, length_scale
+from fidim_lab.data.importers.reading.cells import EPOCH, length_scale
 from fidim_lab.data.importers.reading.clock import SECONDS, check_time_unit, even_times, time_unit_of
 from fidim_lab.data.importers.reading.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.reading.poses import by_quaternions
@@ -75,7 +75,6 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
     scale = 1.0 if said.unit is None else length_scale(map_file, "unit", said.unit)
     count = 1 + 3 * len(said.marker)
     positions = scale * values[:, 1:count].reshape(len(values), -1, 3)
-    check_near(path, positions if said.unit else 0.0 * positions, f"check unit in {map_file.name}")
     bodies = tuple(
         by_quaternions(
             path, body.name, scale * part[:, :3], part[:, [3, 4, 5, 6] if body.order == "xyzw" else [4, 5, 6, 3]]

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.importers.reading.cells import (
-    check_near,
+    NO_HEADER,
     decimal_of,
     delimiter_of,
     length_scale,
@@ -55,7 +55,7 @@ def read_motive(path: Path) -> MarkerLog:
         raise FileError(path, "", f"is no CSV: {error}") from None
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False)) if rows else {}
     if "Format Version" not in head:
-        raise FileError(path, "line 1", "is no Tracking Data export: 'Format Version' was expected")
+        raise FileError(path, "line 1", "is no Tracking Data export: 'Format Version' was expected.", hint=NO_HEADER)
     if head.get("Coordinate Space", "Global").strip().lower() == "local":
         what = "'Local': places are given in the frame of what they belong to, which moves."
         raise FileError(path, "line 1, Coordinate Space", what, hint="Export with Coordinate Space: Global.")
@@ -81,7 +81,6 @@ def read_motive(path: Path) -> MarkerLog:
     if not labelled and not bodies and not loose:
         raise FileError(path, "", "no marker and no rigid body.", hint="Export markers, rigid bodies, or both.")
     positions = _places(values, labelled.values(), scale)
-    check_near(path, positions if unit else 0.0 * positions, "check Length Units in line 1")
     said_rate = head.get("Export Frame Rate") or head.get("Capture Frame Rate") or ""
     t, rate, column = clocked(path, header_rate(path, 1, said_rate), values[:, 0], values[:, 1])
     lengths = f"lengths in {unit.lower()}, " if unit else ""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near
+from fidim_lab.data.importers.reading.cells import MIN_FRAMES
 from fidim_lab.data.importers.reading.clock import check_rate
 from fidim_lab.data.importers.reading.matlab import MatStruct, load_struct, variables
 from fidim_lab.data.importers.reading.poses import by_matrices
@@ -51,7 +51,6 @@ def read_qtm_mat(path: Path) -> MarkerLog:
     if any(len(body.positions) != frames for body in bodies) or (loose is not None and len(loose) != frames):
         raise FileError(path, names[0], "markers and bodies have different numbers of frames")
     positions = np.zeros((frames, 0, 3)) if positions is None else positions
-    check_near(path, positions, "QTM writes millimetres")
     said = (f"lengths in mm and z upwards, as QTM exports them by default; {rate:g} Hz by FrameRate",)
     t = np.arange(frames) / rate
     return MarkerLog(path, labels, rate, t, positions, SCALE, "z", said, tuple(bodies), loose)

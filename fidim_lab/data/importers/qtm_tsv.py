@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import MISSING, check_near, decimal_of, read_export, table
+from fidim_lab.data.importers.reading.cells import MISSING, NO_HEADER, decimal_of, read_export, table
 from fidim_lab.data.importers.reading.clock import clocked, header_rate
 from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
@@ -37,7 +37,7 @@ def read_qtm(path: Path) -> MarkerLog:
         raise FileError(path, "DATA_INCLUDED", f"is {what[:20]!r}; 3D or 6D was expected")
     missing = [name for name in ("FREQUENCY", NAMES[what]) if name not in head]
     if missing:
-        hint = "Export 3D or 6D data with the TSV header; skeletons, forces and analog data are not read."
+        hint = f"Export 3D or 6D data with the TSV header; skeletons, forces, analog data are not read. {NO_HEADER}"
         raise FileError(path, "header", f"{' and '.join(missing)} not found.", hint=hint)
     names = tuple(name for name in head[NAMES[what]] if name)
     if not names or len(set(names)) < len(names):
@@ -50,7 +50,6 @@ def read_qtm(path: Path) -> MarkerLog:
     values = table(path, lines[first:], first + 1, lead + width, lead=lead, decimal=decimal, ends=ends)
     parts = values[:, lead:].reshape(len(values), len(names), WIDTH[what])
     positions = SCALE * parts[:, :, :3]
-    check_near(path, positions, "QTM writes millimetres")
     frames = values[:, 0] if lead else np.arange(len(values), dtype=float)
     stamps = values[:, 1] if lead else np.full(len(values), np.nan)
     t, rate, column = clocked(path, header_rate(path, 1, head["FREQUENCY"][0]), frames, stamps)

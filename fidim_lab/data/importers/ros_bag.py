@@ -17,7 +17,7 @@ import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, open_input
 from fidim_lab.data.files.mcap_file import read_mcap
-from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES, check_near
+from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES
 from fidim_lab.data.importers.reading.clock import even_times
 from fidim_lab.data.importers.reading.decoding import LONGEST_MESSAGE, MessageDecoder
 from fidim_lab.data.importers.reading.labels import apart
@@ -174,7 +174,6 @@ def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> MarkerLog
                 tracks[name] = np.full((len(stamps), len(values)), np.nan)
             tracks[name][np.searchsorted(stamps, stamp)] = values
     positions = np.stack(list(points.values()), axis=1) if points else np.zeros((len(t), 0, 3))
-    check_near(path, positions, "ROS's unit of length is the metre")
     labelled, positions, loose = apart(tuple(points), positions)
     bodies = tuple(by_quaternions(path, name, track[:, :3], track[:, 3:]) for name, track in poses.items())
     return MarkerLog(

@@ -12,9 +12,9 @@ Every mistake is a FileError with the line it is in.
 from pathlib import Path
 
 from fidim_lab.data.importers.reading.cells import (
+    NO_HEADER,
     SPACES,
     cells_of,
-    check_near,
     decimal_of,
     length_scale,
     read_export,
@@ -35,7 +35,7 @@ def read_trc(path: Path) -> MarkerLog:
     delimiter = "\t" if any("\t" in line for line in text[:1]) else SPACES
     lines = [cells_of(line, delimiter) or [""] for line in text]
     if len(lines) < HEADER_LINES or lines[0][0].strip() != "PathFileType":
-        raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected")
+        raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected.", hint=NO_HEADER)
     head = dict(zip((cell.strip() for cell in lines[1]), (cell.strip() for cell in lines[2]), strict=False))
     if lines[3][0].strip().rstrip("#").lower() != "frame":
         raise FileError(path, "line 4", "'Frame#' was expected first")
@@ -47,7 +47,6 @@ def read_trc(path: Path) -> MarkerLog:
     unit = head.get("Units", "")
     scale = length_scale(path, "line 3, Units", unit) if unit else 1.0
     positions = scale * values[:, LEAD:].reshape(len(values), -1, 3)
-    check_near(path, positions if unit else 0.0 * positions, "check Units in line 3")
     said_rate = header_rate(path, 3, head.get("DataRate", ""))
     t, rate, column = clocked(path, said_rate, values[:, 0], values[:, 1])
     lengths = f"lengths in {unit}, " if unit else ""

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.data.importers.reading.cells import (
-    FARTHEST,
     LENGTH_UNITS,
     MIN_FRAMES,
+    NO_HEADER,
     cells_of,
     decimal_of,
     delimiter_of,
@@ -90,7 +90,6 @@ def read_trajectories(path: Path) -> MarkerLog:
     scale = _scale(block, len(names))
     rows = _rows(block, FRAME_COLUMNS + 3 * len(names), 3, rate)
     positions = scale * rows.values.reshape(-1, len(names), 3)
-    _check_near(block, rows, positions if _units(block) else 0.0 * positions)
     labelled, positions, loose = apart(names, positions)
     lengths = f"lengths in {_units(block)[0]} and " if _units(block) else ""
     said = (f"{lengths}{rows.rate:g} Hz, as the header says",)
@@ -140,7 +139,9 @@ def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
             found.append((name, _as_newer(block)))
     if not found:
         shown = text[0].split("\t")[0][:40] if text else ""
-        raise FileError(path, "line 1", f"{shown!r} was found, 'Trajectories' (or 'Objects') was expected")
+        raise FileError(
+            path, "line 1", f"{shown!r} was found, 'Trajectories' (or 'Objects') was expected.", hint=NO_HEADER
+        )
     return found
 
 
@@ -229,7 +230,6 @@ def _only_bodies(block: ExportBlock, rate: float) -> MarkerLog:
     scale = LENGTH_UNITS[unit]
     rows = _rows(block, FRAME_COLUMNS + len(axes), len(QUATERNION), rate)
     parts = rows.values.reshape(len(rows.values), count, len(QUATERNION))
-    _check_near(block, rows, scale * parts[:, :, 4:])
     bodies: list[BodyTrack] = []
     for k, name in enumerate(names):
         bodies.append(by_quaternions(block.path, name, scale * parts[:, k, 4:], parts[:, k, :4]))
@@ -283,11 +283,3 @@ def _check_frame(path: Path, line: int, row: Sequence[float], before: Sequence[f
         raise FileError(
             path, f"line {line}, column 1", f"frame {frame:.0f} comes after frame {before[0]:.0f}.", hint=ONE_TAKE
         )
-
-
-def _check_near(block: ExportBlock, rows: BlockRows, positions: np.ndarray) -> None:
-    far = (np.abs(positions) > FARTHEST).any(axis=(1, 2))
-    if far.any():
-        frame = rows.frames[int(np.argmax(far))]
-        what = f"a marker is over {FARTHEST:g} m away; check the units in {block.line(5)}"
-        raise FileError(block.path, f"frame {frame:.0f}", what)

@@ -46,11 +46,13 @@ LENGTH_UNITS = MappingProxyType(
 """metres in one unit, by the words that exports use"""
 MISSING = frozenset(("", "nan", "null", "na", "n/a", "-", "#n/a", "none"))
 """cells that say: not seen"""
+NO_NUMBER = re.compile(r"#.+|[+-]?(nan|1\.#).*", re.IGNORECASE)
+"""alike: Excel's errors in any language (#NV, #VALUE!), and what C prints"""
 MIN_FRAMES = 20
+NO_HEADER = "Is its header lost? fidim import csv reads any table by a map, and proposes one."
+"""what to do with a file that does not begin as its program writes it"""
 EPOCH = 3e8
 """s; a time later than this counts from 1970, not from when something was switched on"""
-FARTHEST = 1e3
-"""m; a laboratory is smaller"""
 
 
 def read_export(path: Path) -> str:
@@ -156,7 +158,7 @@ def _iso(cell: str) -> str:
 def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".") -> float:
     """A finite number in ASCII digits, NaN where the cell says that nothing was seen. Raises FileError otherwise."""
     text = cell.strip().strip('"')
-    if text.lower() in MISSING:
+    if text.lower() in MISSING or NO_NUMBER.fullmatch(text):
         return math.nan
     plain = text if decimal == "." else text.replace(".", "?").replace(decimal, ".")
     try:
@@ -209,11 +211,3 @@ def table(
     if len(found) < MIN_FRAMES:
         raise FileError(path, "", f"{len(found)} frames; a recording has at least {MIN_FRAMES}")
     return np.array(found)
-
-
-def check_near(path: Path, positions: np.ndarray, hint: str) -> None:
-    """Raises FileError where a marker is farther away than a laboratory is long: the units are wrong."""
-    far = np.abs(np.nan_to_num(positions)).reshape(len(positions), -1).max(axis=1, initial=0.0) > FARTHEST
-    if far.any():
-        frame = int(np.argmax(far)) + 1
-        raise FileError(path, f"frame {frame}", f"a marker is over {FARTHEST:g} m away; {hint}")

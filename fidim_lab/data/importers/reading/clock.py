@@ -129,5 +129,6 @@ def time_unit_of(path: Path, stamps: np.ndarray) -> str:
     unit = unit_by_steps(stamps)
     if unit is None:
         step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
-        raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint="Say time_unit in the map.")
+        hint = "Say time_unit in the map, and where another column has the rest of a stamp, nanoseconds."
+        raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint=hint)
     return unit

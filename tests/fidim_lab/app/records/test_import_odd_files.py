@@ -61,7 +61,9 @@ def qtm(swing: Swing, *, blind: slice = slice(0), rate: str = "100", up: str = "
     return "\r\n".join([*head, *lines_of(*lead, places, sep="\t")]).replace("nan", "")
 
 
-def trc(swing: Swing, *, up: str = "y", rate: str = "100.00", unit: str = "mm", sep: str = "\t") -> str:
+def trc(
+    swing: Swing, *, up: str = "y", rate: str = "100.00", unit: str = "mm", sep: str = "\t", far: float = 0.0
+) -> str:
     head = ["PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tCameraRate\tNumFrames\tUnits", f"{rate}\t100\t9\t{unit}"]
     gap = "\t\t\t" if sep == "\t" else "\t"
     head += [
@@ -69,7 +71,23 @@ def trc(swing: Swing, *, up: str = "y", rate: str = "100.00", unit: str = "mm", 
         "\t\t" + "\t".join(f"{axis}{k}" for k in range(1, 6) for axis in "XYZ"),
     ]
     counted = np.arange(1.0, 1.0 + len(swing.t))
-    return "\n".join([*head, *lines_of(counted, swing.t, in_order(swing, up), sep="\t")]).replace("\t", sep)
+    return "\n".join([*head, *lines_of(counted, swing.t, in_order(swing, up) + far, sep="\t")]).replace("\t", sep)
+
+
+def with_cells(text: str, row: int, column: int, cells: dict[int, str]) -> str:
+    """A table with other cells in one column: how many rows below `row` → what stands there."""
+    lines = text.split("\n")
+    for k, cell in cells.items():
+        split = lines[row + k].split(",")
+        split[column] = cell
+        lines[row + k] = ",".join(split)
+    return "\n".join(lines)
+
+
+def named_gaps(swing: Swing) -> str:
+    """Cells of Excel, MATLAB, R and C for what was not seen."""
+    text = "\n".join([",".join(["time", *AXES]), *lines_of(swing.t, in_order(swing))])
+    return with_cells(text, 300, 4, dict(enumerate(["#NV", "#DIV/0!", "NaN", "NA", "-nan(ind)", "-1.#IND", "1.#QNAN"])))
 
 
 def quoted(swing: Swing) -> str:
@@ -117,12 +135,21 @@ READ: dict[str, tuple[str, Callable[[Swing], str], list[str]]] = {
     "TRC with blanks": ("trc", lambda swing: trc(swing, sep=" "), []),
     "decimal commas in quotes": ("csv", quoted, ["--map", "markers"]),
     "dates with points": ("csv", dated("%d.%m.%Y %H:%M:%S.%f"), ["--map", "markers"]),
+    "months by name": ("csv", dated("%d-%b-%Y %H:%M:%S.%f"), ["--map", "markers"]),
+    "words for what was not seen": ("csv", named_gaps, ["--map", "markers"]),
+    "damaged cells": (
+        "vicon-csv",
+        lambda swing: with_cells(vicon(swing), 400, 3, {0: "6e9", 1: "-7e9", 40: "1e300", 90: "1e-300"}),
+        [],
+    ),
+    "unit said wrongly by far, asked": ("trc", lambda swing: trc(swing, unit="m"), ["--unit", "mm"]),
     "halves of the day": ("csv", dated("%I:%M:%S.%f %p"), ["--map", "markers"]),
     "poses": ("csv", poses, ["--map", "poses"]),
 }
 REFUSED: dict[str, tuple[str, Callable[[Swing], str], list[str], str]] = {
     "says m, is mm": ("vicon-csv", lambda swing: vicon(swing, unit="m"), [], "--unit mm"),
     "says mm, is m": ("vicon-csv", lambda swing: vicon(swing, scale=1.0), [], "--unit m"),
+    "says m, is mm, far from 0": ("trc", lambda swing: trc(swing, unit="m", far=4000.0), [], "--unit mm"),
     "another rate": ("motive-csv", lambda swing: motive(swing, rate="120"), [], "120 Hz, its column of times 100 Hz"),
     "59.94 said of 60": ("trc", lambda swing: trc(swing, rate="99.9"), [], "99.9 Hz, its column of times 100 Hz"),
     "another rate of QTM": ("qtm-tsv", lambda swing: qtm(swing, rate="120", timed=True), [], "Say the right one"),

@@ -49,6 +49,32 @@ def test_a_pose_is_proposed_by_its_quaternion(tmp_path):
     np.testing.assert_allclose(body.rotations[5], np.eye(3), atol=1e-12)
 
 
+def test_a_pose_with_ros_names_and_a_column_of_words(tmp_path):
+    head = "header.stamp.sec,header.stamp.nanosec,header.frame_id," + ",".join(
+        f"pose.{part}.{axis}" for part, axes in (("position", "xyz"), ("orientation", "xyzw")) for axis in axes
+    )
+    rows = [
+        f"{1_700_000_000 + k // 100},{k % 100 * 10_000_000},world,0.1,0.2,{k / 100:.2f},0,0,0.6,0.8"
+        for k in range(ROWS)
+    ]
+    path, map_file = tmp_path / "poses.csv", tmp_path / "map.toml"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    map_file.write_text(proposed_map(path), encoding="utf-8")
+    log = read_mapped(path, map_file)
+    (body,) = log.bodies
+    assert log.names == ()
+    assert log.rate == pytest.approx(100.0, rel=1e-5)
+    np.testing.assert_allclose(body.positions[5], [0.1, 0.2, 0.05])
+    np.testing.assert_allclose(body.rotations[5] @ [1.0, 0.0, 0.0], [0.28, 0.96, 0.0], atol=1e-12)
+
+
+def test_what_stands_in_place_of_a_number_is_named(tmp_path):
+    path = tmp_path / "take.csv"
+    path.write_text("t,x,y,z\n" + "0.1,5 mm,6 mm,7 mm\n" * ROWS, encoding="utf-8")
+    with pytest.raises(FileError, match="The last of them has '5 mm' in column 2"):
+        proposed_map(path)
+
+
 def test_what_is_no_table_is_refused(tmp_path):
     path = tmp_path / "notes.csv"
     path.write_text("these are\nno numbers, at all\n", encoding="utf-8")
