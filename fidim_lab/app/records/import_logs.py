@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from fidim_lab.model.mechanism import Mechanism
 TRUSTED_CLOCK = 0.9
 """correlation of swivel angles above which log and markers are brought to one clock"""
 
+ALL_ORDERS = 4
+"""cables, of which all 24 orders are tried; 120 of five took too long where none fits"""
 COVERED = 0.5
 """share of a window that its log has to cover to tell the lengths"""
 
@@ -70,8 +73,6 @@ class FromLog:
     """why the log cannot be meant; empty where nothing speaks against it"""
     zeros: np.ndarray | None = None
     """(n,) m, what was added to the log's lengths; None without a log, or with one in doubt"""
-    held: np.ndarray | None = None
-    """(n,) m, what the poses say at the median"""
 
 
 def without_log(window: Window) -> Window:
@@ -82,19 +83,38 @@ def without_log(window: Window) -> Window:
     return replace(window, lengths=held, currents=None, encoder_zeros=None)
 
 
-def compared(mechanism: Mechanism, take: Take, posed: PosedTake, windows: Sequence[FromLog]) -> LogLengths | None:
-    """Lengths of a take by its log and by its poses; None where no log reaches over a window."""
-    read = [(one.held - one.zeros, one.held) for one in windows if one.held is not None and one.zeros is not None]
-    if take.log is None or not read:
+def compared(mechanism: Mechanism, take: Take, posed: PosedTake, windows: Sequence[np.ndarray]) -> LogLengths | None:
+    """Lengths of a take by its log and by its poses, also where its cables are exchanged; None without a log.
+
+    windows: (N,) bool, the samples of each.
+    """
+    if take.log is None:
         return None
-    offset, _ = _offset(mechanism, take, take.log, posed)
-    known = np.flatnonzero(np.isfinite(posed.positions).all(axis=1))
-    some = known[:: max(1, len(known) // FEW)]
-    counted = _at(take.log, take.log.lengths, posed.t[some] + offset)
-    both = np.isfinite(counted).all(axis=1)
-    seen = mechanism.lengths(posed.positions[some[both]], posed.rotations[some[both]])
-    at_rest = (np.array([logged for logged, _ in read]), np.array([held for _, held in read]))
-    return LogLengths(at_rest, (counted[both], seen))
+    offset = _offset(mechanism, take, take.log, posed, _orders(mechanism.robot.n))[0]
+    known = np.isfinite(posed.positions).all(axis=1)
+
+    def both(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        some = np.flatnonzero(rows & known)
+        some = some[:: max(1, len(some) // FEW)]
+        counted = _at(take.log, take.log.lengths, posed.t[some] + offset) if take.log else np.zeros((0, 0))
+        seen = mechanism.lengths(posed.positions[some], posed.rotations[some])
+        covered = np.isfinite(counted).all(axis=1)
+        return counted[covered], seen[covered]
+
+    rest = [pair for rows in windows if len((pair := both(rows))[0])]
+    if not rest:
+        return None
+    at_rest = tuple(np.array([np.median(pair[k], axis=0) for pair in rest]) for k in (0, 1))
+    return LogLengths((at_rest[0], at_rest[1]), both(np.asarray(known)))
+
+
+def _orders(cables: int) -> Sequence[tuple[int, ...]]:
+    """In which swivels are tried: as they are, then all others of few cables, or two exchanged."""
+    itself = tuple(range(cables))
+    if cables <= ALL_ORDERS:
+        return list(permutations(itself))
+    pairs = [dict(((i, j), (j, i))) for i, j in combinations(itself, 2)]
+    return [itself, *(tuple(pair.get(k, k) for k in itself) for pair in pairs)]
 
 
 def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> FromLog:
@@ -116,7 +136,7 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
     doubt = too_much_motion(counted, seen)
     words = f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
     doubted = f"{take.log.source.name}: {doubt}" if doubt else ""
-    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros, held)
+    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros)
 
 
 def too_much_motion(counted: np.ndarray, seen: np.ndarray) -> str:
@@ -140,18 +160,24 @@ def _at(log: EncoderLog, columns: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(at, log.t, column, left=np.nan, right=np.nan) for column in columns.T])
 
 
-def _offset(mechanism: Mechanism, take: Take, log: EncoderLog, posed: PosedTake) -> tuple[float, str]:
-    """What to add to the markers' time for the log's, s, and how it is known."""
+def _offset(
+    mechanism: Mechanism, take: Take, log: EncoderLog, posed: PosedTake, orders: Sequence[Sequence[int]] = ()
+) -> tuple[float, str]:
+    """What to add to the markers' time for the log's, s, and how it is known.
+
+    orders: of the log's cables, in which swivel angles are compared; as they are where none is given.
+    """
     if log.swivels is not None:
         known = np.isfinite(posed.positions).all(axis=1)
         angles = np.full((len(posed.t), mechanism.robot.n), np.nan)
         angles[known] = mechanism.swivel_angles(posed.positions[known], posed.rotations[known])
-        try:
-            clock = align_clocks(posed.t, angles, log.t, log.swivels)
-        except RefusedError:
-            clock = None
-        if clock is not None and clock.correlation > TRUSTED_CLOCK:
-            return clock.offset, "clocks aligned by swivel angles"
+        for order in orders or [range(mechanism.robot.n)]:
+            try:
+                clock = align_clocks(posed.t, angles, log.t, log.swivels[:, list(order)])
+            except RefusedError:
+                break
+            if clock.correlation > TRUSTED_CLOCK:
+                return clock.offset, "clocks aligned by swivel angles"
     if _spans(log, take) and take.markers.began is not None:
         return take.markers.began, "clocks by the time of day in both files"
     return float(log.t[0] - posed.t[0]), "clocks not aligned: the log begins with the take"

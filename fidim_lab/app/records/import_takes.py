@@ -15,7 +15,7 @@ import numpy as np
 
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_cables import LogLengths, cable_order
-from fidim_lab.app.records.import_logs import FromLog, compared, logged, without_log
+from fidim_lab.app.records.import_logs import compared, logged, without_log
 from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.report.sections.numerals import counted
 from fidim_lab.app.terminal import console
@@ -108,13 +108,13 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
     said = (*take.markers.decided, *(take.log.decided if take.log else ()), *posed.decided)
     warnings = list(posed.warnings)
     windows: list[Window] = []
-    logs: list[FromLog] = []
+    shown: list[np.ndarray] = []
     for number, stretch in enumerate(free.stretches, start=1):
         rows = (posed.t >= stretch.begin - 1e-9) & (posed.t <= stretch.end + 1e-9)
         name = take.id if len(free.stretches) == 1 else f"{take.id}-{number}"
         warnings += _doubts(name, posed.names, posed.markers[rows], posed.rms[rows])
         by_log = logged(mechanism, take, posed, rows)
-        logs.append(by_log)
+        shown.append(rows)
         said = (*said, f"{OF_WINDOW}{name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
         warnings += [f"window {name}: {by_log.doubt}"] if by_log.doubt else []
         role = take.role or Role.IDENTIFY
@@ -130,7 +130,7 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
                 encoder_zeros=by_log.zeros,
             )
         )
-    lengths = compared(mechanism, take, posed, logs)
+    lengths = compared(mechanism, take, posed, shown)
     return TakeWindows(take, tuple(windows), said, tuple(warnings), lengths=lengths)
 
 

@@ -26,18 +26,30 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three equilibria of a robot, each with its recorded window."""
     folder = tmp_path_factory.mktemp("simulated")
     simulate = ["simulate", "--robot", "robot.toml", "--out", "sim", "--equilibria", "3", "--validate", "0"]
+    simulate.append("--own-sensors")
     with contextlib.chdir(folder):
         for words in (["init", "robot"], simulate):
             done = CliRunner().invoke(fidim, words)
             assert done.exit_code == 0, done.output
     (folder / "map.toml").write_text(MAP, encoding="utf-8")
+    cables = "".join(f'[[cable]]\nlength = "l{k}"\nswivel = "s{k}"\n' for k in range(1, 5))
+    (folder / "log.toml").write_text(f'format = "fidim-log/1"\ntime = "t"\n{cables}', encoding="utf-8")
     return folder
 
 
 def imported(
-    simulated: Path, folder: Path, order: list[int], *options: str, takes: tuple[str, ...] = TAKES, zeros: bool = True
+    simulated: Path,
+    folder: Path,
+    order: list[int],
+    *options: str,
+    takes: tuple[str, ...] = TAKES,
+    zeros: bool = True,
+    early: bool = False,
 ) -> str:
-    """What was said. order: which cable stands in each column of the logs."""
+    """What was said.
+
+    order: which cable stands in each column of the logs; early: they have swivels, and begin while winches still move.
+    """
     for name in takes:
         table = pd.read_csv(simulated / "sim" / "windows" / f"{name}.csv")
         for kind, columns in (("takes", [c for c in table if c[-1] in "xyz"]), ("logs", [f"l{k + 1}" for k in order])):
@@ -46,9 +58,17 @@ def imported(
             if kind == "logs":
                 one[columns] -= zeros * ZEROS
                 one.columns = ["t", *(f"l{k}" for k in range(1, 5))]
+            if kind == "logs" and early:
+                turned = table[[f"s{k + 1}" for k in order]].to_numpy()
+                one[[f"s{k}" for k in range(1, 5)]] = turned
+                before = pd.concat([one.iloc[:1]] * 700, ignore_index=True)
+                before["t"] = -7.0 + np.arange(700) / 100.0
+                before[[f"l{k}" for k in range(1, 5)]] += 0.2 * np.linspace(1.0, 0.0, 700)[:, np.newaxis]
+                one = pd.concat([before, one], ignore_index=True)
             one.to_csv(folder / kind / f"{name}.csv", index=False)
     arguments = ["csv", str(folder / "takes"), "--map", str(simulated / "map.toml")]
     arguments += ["--robot", str(simulated / "robot.toml"), "--log", str(folder / "logs" / "*.csv")]
+    arguments += ["--log-map", str(simulated / "log.toml")] if early else []
     done = CliRunner().invoke(fidim, ["import", *arguments, "--out", str(folder / "out"), *options])
     assert done.exit_code == 0, (done.output, done.exception)
     return " ".join(done.output.split())
@@ -70,6 +90,14 @@ def test_another_order_is_told_with_the_option_that_sets_it_right(
     assert "check" not in said
     found = [window.encoder_zeros for window in read_campaign(again / "out").windows]
     assert np.ptp(np.array(found, dtype=float), axis=0) == pytest.approx(0.0, abs=2e-4)
+
+
+def test_clocks_are_found_though_the_swivels_are_exchanged_too(simulated: Path, tmp_path: Path):
+    said = imported(simulated, tmp_path, [1, 0, 2, 3], early=True)
+    assert "say --cables 2,1,3,4" in said
+    again = tmp_path / "again"
+    again.mkdir()
+    assert "check" not in imported(simulated, again, [1, 0, 2, 3], "--cables", "2,1,3,4", early=True)
 
 
 def test_one_pose_tells_an_order_by_known_zeros_alone(simulated: Path, tmp_path: Path):
