@@ -28,18 +28,21 @@ def widened(start: Baseline, model: Completed, new: Sequence[Hypothesis]) -> Com
 
 
 def general_forms(start: Baseline, model: Completed, fresh: set[NamedEffect]) -> list[Completed]:
-    """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
+    """The model with wider forms of these effects, from the first seconds on: else they lose phase.
+
+    None that ends at an edge of what it may be: what data ask for then lies between it and the simple form.
+    """
     simple = model
     if model.whole:
         donor = model.fit if model.mechanism.springs else start.short  # springs would have to be found anew
         found = refit(start.short_ground, donor, model.tried, model.thetas, start.context)
         simple = model if found is None else found
     near = _over_first_seconds(start, simple, fresh)
-    if not model.whole or not near:
-        return near
-    best = best_of(near)
-    whole = refit(start.whole_ground, best.fit, best.tried, best.thetas, start.context, simpler=model)
-    return [] if whole is None else [whole]
+    if model.whole and near:
+        best = best_of(near)
+        whole = refit(start.whole_ground, best.fit, best.tried, best.thetas, start.context, simpler=model)
+        near = [] if whole is None else [whole]
+    return [wide for wide in near if model.at_an_edge or not wide.at_an_edge]
 
 
 def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffect]) -> list[Completed]:
