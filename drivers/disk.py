@@ -76,8 +76,7 @@ class DiskThreads:
             late = max(self._writing.late, self._securing.late)
             if late > self._patience:
                 self._fail(
-                    f"The disk has not taken for {late:.1f} s what it was given, {self._patience:g} s are allowed. "
-                    f"{_HINT}"
+                    f"The disk has not accepted data for {late:.1f} s, {self._patience:g} s are allowed. {_HINT}"
                 )
         return self._failed
 

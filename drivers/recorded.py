@@ -92,7 +92,7 @@ class RecordedFeed:
     """`ByteFeed` port: packets put in come out with their own time of arrival."""
 
     name = "recorded motion capture"
-    hint = "The log holds nothing more."
+    hint = "The log has ended."
 
     def __init__(self) -> None:
         self._mailbox: Mailbox[Packet] = Mailbox(_QUEUE)

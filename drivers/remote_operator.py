@@ -70,11 +70,11 @@ class RemoteOperator:
             message = json.loads(line)
             number, error, answer = message["id"], message.get("error"), message.get("answer")
         except (ValueError, LookupError, TypeError, AttributeError) as problem:
-            raise DeviceError(self.name, f"{line[:60]!r} is no answer.") from problem
+            raise DeviceError(self.name, f"{line[:60]!r} is not an answer.") from problem
         if number != self._asked:
             return None
         if error is not None:
             raise DeviceError(self.name, str(error))
         if answer not in prompt.choices:
-            raise DeviceError(self.name, f"{answer!r} is none of {', '.join(prompt.choices)}.")
+            raise DeviceError(self.name, f"{answer!r} is not one of {', '.join(prompt.choices)}.")
         return str(answer)

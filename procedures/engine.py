@@ -128,9 +128,9 @@ class Engine:
             return "the run is not paused"
         if word.verb in (Verb.SKIP, Verb.RETRY):
             if not step.window:
-                return f"“{step.text}” belongs to no window"
+                return f"“{step.text}” does not belong to a window"
             if step.after_pause is AfterPause.NOT_INTERRUPTED:
-                return f"“{step.text}” is being finished; say it again in a moment"
+                return f"“{step.text}” is just ending; repeat the command in a moment"
         return ""
 
     async def _perform_all(

@@ -36,7 +36,7 @@ async def result_or_word(work: Awaitable[Result], control: Control) -> Result | 
         if not task.cancelled():  # it ended, well or badly, at that very moment
             return task.result()
         heard.result()
-        return control.take() or Word(Verb.PAUSE, "what was said was withdrawn")
+        return control.take() or Word(Verb.PAUSE, "the command was withdrawn")
     finally:
         heard.cancel()
         task.cancel()
@@ -66,9 +66,9 @@ class Interruption:
             word = await self._paused(step, word)
         match word.verb:
             case Verb.SKIP:
-                raise Skipped(word.reason or "left out by the operator")
+                raise Skipped(word.reason or "skipped by the operator")
             case Verb.RETRY:
-                raise Retried(word.reason or "again by the operator's word")
+                raise Retried(word.reason or "repeated by the operator")
             case Verb.ABORT:
                 raise Aborted(f"Aborted while paused at “{step.text}”: {word.reason or 'no reason'}.")
             case _:

@@ -37,7 +37,7 @@ class ConsoleOperator:
             fitting = [choice for choice in prompt.choices if choice.startswith(line.strip().lower())]
             if fitting:
                 return fitting[0]
-            self._show(f"“{line.strip()}” is none of {choices}.\n")
+            self._show(f"“{line.strip()}” is not one of {choices}.\n")
         return "abort" if "abort" in prompt.choices else prompt.choices[-1]
 
     def _start(self) -> None:

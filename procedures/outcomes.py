@@ -18,7 +18,7 @@ class Outcome(StrEnum):
     MARGINAL = "marginal"
     """within limits, but near the edge"""
     SKIPPED = "skipped"
-    """left out by the operator's word"""
+    """skipped by the operator"""
     UNSET = "unset"
     """never measured"""
     FAIL = "fail"

@@ -176,7 +176,7 @@ class _Run:
         if kept is not None:
             reason += f" What was recorded of the open window is kept in {kept.relative_to(self._folder.path)}."
         if self._publish.failed:
-            reason += f" What follows the run failed, a bug of fidim-lab: {'; '.join(self._publish.failed)}."
+            reason += f" A step after the run failed, which is a bug of fidim-lab: {'; '.join(self._publish.failed)}."
         report = RunReport(
             name=self._experiment.name,
             folder=self._folder.path,

@@ -49,7 +49,7 @@ class Stand:
         if age > self.settings.guard.sample_age:
             raise DeviceError(
                 device.name,
-                f"does not answer for {age:.2f} s; at most {self.settings.guard.sample_age:g} s is allowed",
+                f"has not answered for {age:.2f} s; at most {self.settings.guard.sample_age:g} s is allowed",
                 hint="Check its power and the bus.",
             )
         return sample

@@ -82,7 +82,7 @@ class Stopping:
         had_power = self.winch.powered or powered  # the others have nothing to obey with
         if sample is None or now - sample.t > self._age:
             self.stands, self._unseen = False, True
-            self._moves = "has never reported" if sample is None else f"does not answer for {now - sample.t:.2f} s"
+            self._moves = "has never reported" if sample is None else f"has not answered for {now - sample.t:.2f} s"
             self._wrong = self._moves if final or self._should_stand(now) else ""
             return bool(self._wrong) and had_power
         self._place, self._unseen = sample.length, False
@@ -134,7 +134,7 @@ class Stopping:
             return
         self._place, self._seen = last, True
         self.stands = abs(last - first) <= self._settings.still
-        self._moves = "it stands now" if self.stands else "it still moves"
+        self._moves = "it stands still now" if self.stands else "it still moves"
         if not self.stands:
             self._since = now
 

@@ -72,7 +72,7 @@ class HandServer:
                 tuple(float(value) for value in message["displacement"]),
             )
         except (ValueError, LookupError, TypeError) as error:
-            return {"id": number, "error": f"{line[:60]!r} is no prompt: {error}"}
+            return {"id": number, "error": f"{line[:60]!r} is not a prompt: {error}"}
         try:
             return {"id": number, "answer": await self._hand.answer(prompt)}
         except FidimError as error:

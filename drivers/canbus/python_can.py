@@ -201,15 +201,13 @@ class PythonCanTransport:
         """Faults so far that did not stop it, in words; empty without any."""
         counts, words = self._receiver.counters, []
         if counts.garbled:
-            words.append(f"{counts.garbled} unreadable lines were passed over: look at the serial line")
+            words.append(f"{counts.garbled} unreadable lines were ignored: check the serial line")
         if counts.warnings:
-            words.append(
-                f"{counts.warnings} warnings, the last: {self._receiver.warned}: look at cable and termination"
-            )
+            words.append(f"{counts.warnings} warnings, the last: {self._receiver.warned}: check cable and termination")
         if counts.error_frames:
-            words.append(f"{counts.error_frames} error frames: look at cable, termination and bit rate")
+            words.append(f"{counts.error_frames} error frames: check cable, termination and bit rate")
         if counts.queue_full:
-            words.append(f"{counts.queue_full} frames found the send queue full: {self._queue_cure}")
+            words.append(f"{counts.queue_full} frames did not fit into the send queue: {self._queue_cure}")
         return f"{self._label}: {'; '.join(words)}" if words else ""
 
     def send(self, frame_id: int, data: bytes) -> None:

@@ -59,7 +59,7 @@ class SlcanBus(slcanBus):
         try:
             return super()._recv_internal(timeout)
         except (LookupError, TypeError) as error:  # of CAN FD lines, which `_checked` does not take apart
-            raise ValueError(f"a line that is no frame: {error}") from error
+            raise ValueError(f"a line that is not a frame: {error}") from error
 
     def _write(self, string: str) -> None:
         """Hand one line to the port.
@@ -114,7 +114,7 @@ def _checked(line: str) -> str:
         return line
     found = _FRAME.fullmatch(line)
     if found is None:
-        raise ValueError(f"a line that is no frame: {line[:30]!r}")
+        raise ValueError(f"a line that is not a frame: {line[:30]!r}")
     data = 0 if line[0] in "rR" else 2 * int(found["length"])
     if len(found["rest"]) - data not in _STAMPS:
         raise ValueError(f"a frame whose data are not as long as it says: {line[:30]!r}")
@@ -130,5 +130,5 @@ def _arrived(descriptor: int, read: Callable[[], bytes], timeout: float | None) 
     except BlockingIOError:
         return b""
     if not data:
-        raise CanOperationError("the adapter has gone")
+        raise CanOperationError("the adapter was disconnected")
     return data

@@ -192,4 +192,4 @@ def _of_others(feed: ByteFeed) -> str:
     count, where = getattr(feed, "foreign", 0), getattr(feed, "left_out", "")
     if not count:
         return ""
-    return f"{count} datagrams of another sender were left out, the newest from {where}: see sender in the rig file."
+    return f"{count} datagrams of another sender were ignored, the newest from {where}: see sender in the rig file."

@@ -67,7 +67,7 @@ class SerialPort:
             self.problem = _words(error)
             return
         except ValueError as error:
-            raise SetupError(f"{self._device}: port {self.url!r} cannot be: {error}.") from error
+            raise SetupError(f"{self._device}: port {self.url!r} cannot be used: {error}.") from error
         self._port, self.problem = port, ""
         self.connections += 1
         loop = asyncio.get_running_loop()
@@ -83,7 +83,7 @@ class SerialPort:
             port.write(data)
         except (serial.SerialException, OSError) as error:
             self._lost(port, _words(error))
-            raise DeviceError(self._device, f"does not take a command: {self.problem}.") from error
+            raise DeviceError(self._device, f"does not accept a command: {self.problem}.") from error
 
     def close(self) -> None:
         """Let it go; may be called twice."""

@@ -80,19 +80,19 @@ class SerialRelease:
     def fault(self) -> str:
         """The fault while it held, in words; it stays until `acknowledge`."""
         if self._holding and not self._fault and self.state is ReleaseState.UNKNOWN:
-            self._latch(f"does not tell its state any more, for over {self.config.timeout:g} s")
+            self._latch(f"has not reported its state for over {self.config.timeout:g} s")
         return self._fault
 
     def acknowledge(self, by: str) -> None:
         """Somebody has looked at the platform. Raises RefusedError without a name."""
         if not by.strip():
-            raise RefusedError(f"{self.name}: what happened while it held is acknowledged by name only.")
+            raise RefusedError(f"{self.name}: a fault while it held the platform must be acknowledged by name.")
         self._fault, self._holding = "", False
 
     async def hold(self) -> None:
         """Take hold, confirmed. Raises DeviceError while a fault is latched, or where it is not confirmed in time."""
         if self.fault:
-            raise DeviceError(self.name, f"{self._fault}; that was not acknowledged yet.", hint="Look at the platform.")
+            raise DeviceError(self.name, f"{self._fault}; this was not acknowledged yet.", hint="Look at the platform.")
         await self._command(self.config.hold, ReleaseState.HOLDS)
         self._holding = True
 

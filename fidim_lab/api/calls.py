@@ -56,7 +56,7 @@ def identify(
     else:
         posed = read_posed(_folder(campaign), source)
     if paper and method not in (None, Method.TLS):
-        raise SetupError(f"paper is a form of total least squares; it does not go with method {method!r}.")
+        raise SetupError(f"paper is a form of total least squares; it cannot be used with method {method!r}.")
     return Identified(identify_posed(posed, method, paper=paper))
 
 
@@ -64,9 +64,9 @@ def identify(
 def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: str | Sequence[str] = ()) -> Explained:
     """Name the physics that the model leaves out, and show it on held-out windows.
 
-    `patience`: CPU seconds until what there is, is told. `without`: effects that the catalogue is to lack.
-    Raises FileError for a wrong campaign, SetupError for an effect that there is not or a patience below 0,
-    RefusedError where no window can be fitted.
+    `patience`: CPU seconds after which the search ends and its best answer so far is given. `without`: effects of
+    the catalogue to leave out of the search. Raises FileError for a wrong campaign, SetupError for an unknown effect or
+    a patience below 0, RefusedError where no window can be fitted.
     """
     from fidim_lab.mismatch.explain import explain as search
 
@@ -207,5 +207,5 @@ def _folder(campaign: object) -> Path:
     """Raises SetupError for what is neither a campaign nor the path of one."""
     if isinstance(campaign, str | Path):
         return Path(campaign)
-    what = f"{type(campaign).__name__} is no campaign."
+    what = f"{type(campaign).__name__} is not a campaign."
     raise SetupError(what, hint="Give what load or simulate returned, or the folder of a campaign.")

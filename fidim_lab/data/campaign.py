@@ -133,15 +133,15 @@ def _aligned(window: Window, alignment: Alignment) -> Window:
 
 
 def _check_windows(index: Path, windows: Sequence[WindowTable]) -> None:
-    """Raises FileError for an id or file that is there twice, and for a file outside the folder."""
+    """Raises FileError for an id or file that occurs twice, and for a file outside the folder."""
     ids: set[str] = set()
     files: set[PurePosixPath] = set()
     for number, window in enumerate(windows, start=1):
         file = PurePosixPath(window.file)
         if window.id in ids:
-            raise FileError(index, f"window {number}, id", f"{window.id!r} is there twice")
+            raise FileError(index, f"window {number}, id", f"{window.id!r} occurs twice")
         if file in files:
-            raise FileError(index, f"window {number}, file", f"{window.file!r} is there twice")
+            raise FileError(index, f"window {number}, file", f"{window.file!r} occurs twice")
         if file.is_absolute() or ".." in file.parts:
             raise FileError(index, f"window {number}, file", f"{window.file!r} is not inside the campaign folder")
         ids.add(window.id)

@@ -64,7 +64,7 @@ def read_design(path: Path, cables: int) -> Plan:
     """A design as a plan named after its file: windows d01, d02, … to identify. Raises FileError."""
     found = read_json(path)
     if not isinstance(found, dict):
-        raise FileError(path, "", f"is no design: an object with the format {FORMAT!r} is expected")
+        raise FileError(path, "", f"is not a design: an object with the format {FORMAT!r} is expected")
     table = validated(path, found, DesignTable, FORMAT)
     for number, one in enumerate(table.equilibria, start=1):
         if len(one.lengths) != cables:

@@ -32,7 +32,7 @@ def order_of(markers: np.ndarray, body: np.ndarray) -> tuple[tuple[int, ...], fl
     if count < len(body):
         raise RefusedError(f"{count} markers were recorded; the robot file has {len(body)}.")
     if perm(count, len(body)) > MOST_ORDERS:
-        raise RefusedError(f"{count} markers are too many to tell which are the platform's {len(body)}.")
+        raise RefusedError(f"{count} markers are too many to find which are the platform's {len(body)}.")
     orders = list(permutations(range(count), len(body)))
     pairs, misfits = np.array([_misfit(between[np.ix_(order, order)] - wanted) for order in orders]).T
     most = pairs.max()

@@ -41,7 +41,9 @@ def own_sensors(window: Window, cables: int) -> OwnSensors:
             hint="Record the swivel encoders (s1…sn, rad), or take the pose from the motion capture.",
         )
     if window.lengths is None:
-        raise SetupError(f"Window {window.id} has no cable lengths (l1…ln), which swivel angles need beside them.")
+        raise SetupError(
+            f"Window {window.id} has no cable lengths (l1…ln), which are needed in addition to swivel angles."
+        )
     axes = [f"incl_{axis}" for axis in "xyz" if f"incl_{axis}" in window.further]
     if axes not in ([], ["incl_x", "incl_y"], ["incl_x", "incl_y", "incl_z"]):
         raise SetupError(

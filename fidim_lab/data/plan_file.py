@@ -55,12 +55,12 @@ class PlanTable(Table):
 
 
 def wrong_id(ids: Sequence[str]) -> tuple[int, str] | None:
-    """The first window, counted from 1, whose id cannot be a file's name or is there twice, and why; None if none."""
+    """The first window, counted from 1, whose id cannot be a file's name or occurs twice, and why; None if none."""
     for number, id_ in enumerate(ids, start=1):
         if not WINDOW_ID.fullmatch(id_):
             return number, f"{id_[:100]!r} cannot be a file name; use letters, digits, _ . and -. At most 80."
         if id_ in ids[: number - 1]:
-            return number, f"{id_!r} is there twice"
+            return number, f"{id_!r} occurs twice"
     return None
 
 

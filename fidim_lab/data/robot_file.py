@@ -147,7 +147,7 @@ class RobotTable(Table):
         if len(self.cable) > MOST_CABLES:
             raise ValueError(
                 f"cable: {len(self.cable)} tables; {len(self.cable)} cables of held length leave the platform no "
-                f"freedom (6 - n), so nothing swings and free motion tells nothing of the body; 1 to {MOST_CABLES} can"
+                f"freedom (6 - n), so nothing swings and free motion does not show the body; 1 to {MOST_CABLES} can"
             )
         names = [cable.name for cable in self.cable if cable.name]
         if len(set(names)) < len(names):

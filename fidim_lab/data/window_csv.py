@@ -83,7 +83,7 @@ def _check_header(path: Path, names: list[str]) -> None:
         if unseen(name):
             raise FileError(path, "line 1", f"column {ascii(name)[:60]} holds a control character or a direction mark")
         if name in seen:
-            raise FileError(path, "line 1", f"column {name} is there twice")
+            raise FileError(path, "line 1", f"column {name} occurs twice")
         seen.add(name)
 
 
@@ -139,7 +139,7 @@ def _number(path: Path, line: int, column: str, cell: str) -> float:
     if not _PLAIN.fullmatch(cell):
         raise FileError(path, place, f"{ascii(cell)[:40]} is not a number of digits 0 to 9")
     if abs(value) > FARTHEST:
-        raise FileError(path, place, f"{cell[:40]} is no measured value; at most {FARTHEST:g} is read")
+        raise FileError(path, place, f"{cell[:40]} is not a measured value; at most {FARTHEST:g} is read")
     return value
 
 

@@ -44,7 +44,7 @@ def read_window_mcap(path: Path, cables: int) -> WindowColumns:
     """
     contents = read_mcap(path, LIMIT)
     if not contents.complete:
-        hint = "Record the window again; fidim export --unfinished shows what is left."
+        hint = "Record the window again; fidim export --unfinished shows the remainder."
         raise FileError(path, "", f"{contents.problem}.", hint=hint)
     columns = _columns(contents, cables)
     if len(columns.t) < MIN_SAMPLES:

@@ -61,7 +61,7 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("cable-elasticity", "winch-hold-compliance"),
         Likeness.NEAR,
-        "stretch in a cable and in what holds it move the platform alike; the encoder sees the latter alone",
+        "stretch in a cable and in what holds it move the platform in the same way; the encoder sees the latter alone",
         "look at the encoders during the motion, or compare long cables with short ones",
     ),
     Equivalence(
@@ -80,8 +80,8 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("attachment-offset", "marker-offset"),
         Likeness.GAUGE,
-        "all attachments, all markers and the centre of mass moved alike in the body move nothing in the world: three "
-        "of the parameters of all attachments together; six with the marker's offset",
+        "all attachments, all markers and the centre of mass moved together in the body move nothing in the world: "
+        "three of the parameters of all attachments together; six with the marker's offset",
         "measure one attachment against the marker",
     ),
     Equivalence(
@@ -128,9 +128,9 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("attachment-friction", "rotational-drag", "rotational-drag-quadratic"),
         Likeness.NEAR,
-        "all take energy from the platform's rotation; they differ in how that goes with its rate and its axis",
-        "let it turn about each body axis by itself, at two sizes: dry friction damps the small swing more, drag alike "
-        "or less",
+        "all take energy from the platform's rotation; they differ in how this depends on rate and axis",
+        "let it turn about each body axis separately, at two sizes: dry friction damps the small swing more, drag "
+        "equally or less",
     ),
     Equivalence(
         ("air-drag-linear", "pulley-friction"),

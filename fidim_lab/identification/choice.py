@@ -39,15 +39,15 @@ def suited_method(campaign: Campaign) -> Choice:
     found = soft_singular_values(campaign)
     if found is None:
         return Choice(Method.MLE)
-    said = f"The cables hold one direction hardly at all ({found})"
+    said = f"The cables hardly hold one direction ({found})"
     if len(campaign.robot.markers) < FULL_POSE:
         why = (
-            f"{said}, and the markers do not show the whole pose: what follows rests on rigid cables, and they are not."
+            f"{said}, and the markers do not show the whole pose: the result assumes rigid cables, which is wrong here."
         )
         return Choice(Method.MLE, why)
     why = (
-        f"{said}: rigid cables are the wrong model here. Elastic cables are fitted, each window from a start of its "
-        "own in pose, twist and tensions."
+        f"{said}: rigid cables are the wrong model here. Elastic cables are fitted, each window with its own initial "
+        "pose, twist and tensions."
     )
     return Choice(Method.MLE, why)
 

@@ -210,7 +210,7 @@ def _spread_warning(estimate: Estimate) -> list[str]:
         return []
     return [
         f"The spread between windows is up to {ratio[worst]:.0f} times the sd ({PARAMETER_NAMES[worst]}): "
-        "some windows are worse than others, or the model lacks something; believe the spread."
+        "some windows are worse than others, or the model lacks something; use the spread as the uncertainty."
     ]
 
 

@@ -81,8 +81,8 @@ def by_both(
         said += f"The recordings are explained better with {rate:.6g} Hz ({why}): it is used."
         return replace(lead, warnings=(said, *lead.warnings))
     said += (
-        f"The recordings do not tell which is right: {now:.6g} Hz is used, and each ± is widened by what the other "
-        "would change. Correct the wrong one."
+        f"The recordings do not show which is right: {now:.6g} Hz is used, and each ± includes the change by the "
+        "other. Correct the wrong one."
     )
     return replace(_widened(first, second), warnings=(said, *first.warnings))
 

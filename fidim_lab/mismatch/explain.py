@@ -121,7 +121,7 @@ def _on_rigid_cables(told: Explanation, soft: str) -> Explanation:
 
     soft: how that is seen.
     """
-    advice = f"The cables hold one direction hardly at all ({soft}). Rigid cables, on which this search stands, are "
-    advice += "the wrong model of this robot: `fidim identify` fits elastic ones with what dissipates rotation, and "
-    advice += "its remainder is the one to look at."
+    advice = f"The cables hardly hold one direction ({soft}). Rigid cables, which this search assumes, are "
+    advice += "the wrong model of this robot: `fidim identify` fits elastic cables with rotational dissipation, and "
+    advice += "the residual to look at is that of its fit."
     return replace(told, message=f"{advice} {told.message}")

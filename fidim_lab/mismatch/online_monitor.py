@@ -216,16 +216,16 @@ def _told(found: Fit, scored: tuple[Projected, tuple[Score, ...]], refusal: str)
     says = f"{_windows(count)} so far: χ²/dof {found.excess:.3g}"
     says += f" over the first {seconds:.0f} s" if seconds <= HORIZONS[2] + 1e-9 else ""
     if holds:
-        says += ", the model holds: nothing but noise is left, and no effect is suspected."
+        says += ", the model holds: only noise is left, and no effect is suspected."
     elif suspected:
         best = suspected[0]
         place = "" if best.cable is None else f" (cable {best.cable})"
-        says += f"; suspected: {best.id}{place}, log-evidence {best.log_evidence:.0f} ({SHARED.enough:g} is enough); "
-        says += f"it would leave {best.would_leave:.3g}."
+        says += f"; suspected: {best.id}{place}, log-evidence {best.log_evidence:.0f} "
+        says += f"(significant from {SHARED.enough:g}); with it χ²/dof would be {best.would_leave:.3g}."
         others = dict.fromkeys(other.id for other in suspected[1:] if other.id != best.id)
-        says += f" Next: {', '.join(others)}." if others else ""
+        says += f" Also suspected: {', '.join(others)}." if others else ""
     else:
-        says += "; something is left that no effect of the catalogue explains."
+        says += "; something is missing that no effect of the catalogue explains."
     says += f" {refusal}" if refusal else ""
     return SoFar(count, found.excess, rms, seconds, holds, suspected, says)
 

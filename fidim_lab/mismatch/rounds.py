@@ -141,7 +141,7 @@ class Rounds:
 
     def _put_right(self, cleaned: Cleaned, errors: ReadingErrors) -> "_Right":
         """The readings as their sensors should have read, fitted."""
-        self.say("lengths or cameras do not read alike in all windows: fitting the readings put right")
+        self.say("lengths or cameras read differently between windows: fitting the corrected readings")
         right = replace(cleaned, campaign=errors.put_right(cleaned.campaign))
         rounds = self.of_robot(right.campaign.robot)
         return _Right(rounds, right, rounds.fitted(right.campaign), errors)
@@ -224,7 +224,7 @@ class Rounds:
         campaign = retimed(first.cleaned.campaign, first.found.best.model)
         if campaign is None:
             return first
-        self.say("by the motor currents the clocks run apart: looking again with the cameras' put right")
+        self.say("by the motor currents the clocks differ: repeating with corrected camera times")
         cleaned = replace(first.cleaned, campaign=campaign)
         again = self._look(cleaned, self.fitted(cleaned.campaign, first.baseline))
         return replace(again, retimed=True) if again.unexplained <= first.unexplained else first

@@ -30,7 +30,7 @@ def jog_signal(mechanism: Mechanism, robot: Robot, pose: Pose, change: PerCable)
         raise SetupError(
             f"{robot.n} cable lengths and {len(robot.markers)} marker(s) show {1e3 * seen:.1f} mm of this jog twice, "
             f"at least {1e3 * wanted:.1f} mm are needed to compare their clocks.",
-            hint="More markers (extra_markers) or a longer way (--set align.amplitude) tell more.",
+            hint="More markers (extra_markers) or a longer way (--set align.amplitude) give more information.",
         )
     return found
 
@@ -47,7 +47,7 @@ def marker_lag(
     found = align_clocks(t, by_encoders, t, by_markers)
     if abs(found.offset) > longest:
         raise RefusedError(
-            f"Markers seem to be {found.offset:+.2f} s late against the encoders; more than {longest:g} s is no delay "
-            "of a camera system. Do both see the same robot?"
+            f"Markers seem to be {found.offset:+.2f} s late against the encoders; more than {longest:g} s is not a "
+            "delay of a camera system. Do both see the same robot?"
         )
     return found

@@ -74,7 +74,7 @@ class RestLimits:
             raise InfeasibleError(f"{what}: {wrong.says}.", hint="Nothing was moved. Choose other lengths for it.")
         wrong = None if start is None else self.between(start, end)
         if wrong is not None:
-            raise InfeasibleError(f"{what}, on the way there: {wrong.says}.", hint="Go there through another pose.")
+            raise InfeasibleError(f"{what}, on the way to it: {wrong.says}.", hint="Go there through another pose.")
 
     def _judge(self, lengths: Lengths) -> Violation | None:
         for cable, (length, (low, high)) in enumerate(zip(lengths, self._length_limits or (), strict=False), start=1):
@@ -147,7 +147,7 @@ def _refuse(found: Sequence[str]) -> None:
         return
     more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
     raise InfeasibleError(
-        "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
+        "The plan exceeds the robot's limits: " + "; ".join(found[:4]) + more + ".",
         hint="Nothing was moved. Change these windows in the plan.",
     )
 
@@ -223,7 +223,7 @@ def find_route(
                 far = way + longest_way(here, there)
                 heapq.heappush(queue, (far + longest_way(there, goal), next(order), far, (*path, there)))
     raise InfeasibleError(
-        f"No safe way from lengths {_text(start)} to {_text(goal)} m: {direct.says}.",
+        f"No safe path from lengths {_text(start)} to {_text(goal)} m: {direct.says}.",
         hint="Add a window between them to the plan, or start from another pose.",
     )
 

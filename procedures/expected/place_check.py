@@ -55,14 +55,18 @@ def place_measurements(
     """
     here = rest.at(seen.lengths)
     off = seen.marker - here.marker
-    found = [Measurement("marker against the lengths", float(np.linalg.norm(off)), "m", high=settings.off)]
+    found = [
+        Measurement(
+            "distance of the marker from its place by the lengths", float(np.linalg.norm(off)), "m", high=settings.off
+        )
+    ]
     changed = off
     if history.last is not None:
         before, off_before = history.last
         allowed = settings.change + settings.part * longest_way(before.lengths, seen.lengths)
         changed = off - off_before
         far = float(np.linalg.norm(changed))
-        found.append(Measurement("change of that since the place before", far, "m", high=allowed))
+        found.append(Measurement("change of that distance since the last place", far, "m", high=allowed))
     history.last, between = (seen, off), history.windows
     history.windows = []
     wrong = [one for one in found if not one.outcome.usable]
@@ -70,7 +74,9 @@ def place_measurements(
         return tuple(found), ""
     says = causes(rest, seen, changed if wrong[0] is not found[0] else off)
     if len(found) > 1 and between:
-        says += f". It may have come during window {', '.join(between)}, accepted since: look before using it"
+        says += (
+            f". It may have happened during window {', '.join(between)}, which was accepted: check it before using it"
+        )
     return tuple(found), says
 
 
@@ -80,7 +86,7 @@ def causes(rest: NominalRest, seen: SeenAtRest, off: Vector3) -> str:
     found = [says for says, left in _causes(rest, seen, here, off) if left <= max(LIKE * np.linalg.norm(off), NEAR)]
     ways = " ".join(f"{1e3 * way:+.0f}" for way in off)
     found.append(f"the marker, or the origin of motion capture, is off by ({ways}) mm")
-    return f"what would explain it: {'; or '.join(found)}"
+    return f"possible causes: {'; or '.join(found)}"
 
 
 def _causes(rest: NominalRest, seen: SeenAtRest, here: ExpectedRest, off: Vector3) -> Iterator[tuple[str, float]]:
@@ -128,23 +134,23 @@ class Response:
 
 def response_measurements(one: Response, settings: PlaceSettings) -> tuple[Measurement, ...]:
     """Whether marker and tension answered as the model says, as parts of its answer."""
-    name, size = f"of moving winch {one.cable}", float(np.linalg.norm(one.model))
+    name, size = f"to a move of winch {one.cable}", float(np.linalg.norm(one.model))
     missed = float(np.linalg.norm(one.seen - one.model)) / max(size, 1e-9)
-    found = [Measurement(f"error of the marker's response, as a part of it, {name}", missed, high=settings.response)]
+    found = [Measurement(f"relative error of the marker's response {name}", missed, high=settings.response)]
     if abs(one.model_pulled) >= settings.telling:
         part = one.pulled / one.model_pulled
-        found.append(Measurement(f"the tension's response, as a part of the model's, {name}", part, low=-0.5))
+        found.append(Measurement(f"response of the tension, relative to the model, {name}", part, low=-0.5))
     return tuple(found)
 
 
 def response_cause(one: Response, rest: NominalRest, lengths: Lengths, way: float) -> str:
     """Possible causes of a response other than the model's. way: m that it moved by its encoder."""
-    known = {"it turns against its encoder: is direction, or polarity (607E), right": -one.model}
+    known = {"it turns against its encoder: is direction, or polarity (607E), wrong": -one.model}
     for cable in range(1, rest.n + 1):
         if cable != one.cable:
             model = _response(rest, lengths, np.eye(rest.n)[cable - 1]) * way
-            known[f"it moves cable {cable}: have two drives, node ids or plugs changed places"] = model
-            known[f"it moves cable {cable}, and against its encoder: have two drives changed places"] = -model
+            known[f"it moves cable {cable}: were two drives, node ids or plugs exchanged"] = model
+            known[f"it moves cable {cable}, and against its encoder: were two drives exchanged"] = -model
     factor = float(one.seen @ one.model / (one.model @ one.model))
     if factor > 0.0:
         gear = f"it moves {factor:.2g} times as far as its encoder says: gear_ratio, counts_per_turn, drum_radius, 6091"
@@ -157,9 +163,9 @@ def response_cause(one: Response, rest: NominalRest, lengths: Lengths, way: floa
         return f"{best}?"
     seen, model = (" ".join(f"{1e3 * value:+.0f}" for value in way) for way in (one.seen, one.model))
     return (
-        f"the marker moved by ({seen}) mm, ({model}) mm were expected, and nothing about winches and drums explains "
-        "that: did the platform swing or somebody touch it, does the marker sit loosely, did motion capture take "
-        "another marker for it, or was its origin set anew?"
+        f"the marker moved by ({seen}) mm, ({model}) mm were expected, and winches and drums do not explain this. "
+        "Check whether the platform swung or was touched, whether the marker is loose, whether motion capture "
+        "confused it with another marker, and whether its origin was changed"
     )
 
 
@@ -169,4 +175,4 @@ def common_factor(responses: list[Response], settings: PlaceSettings) -> Measure
     seen = np.concatenate([one.seen for one in responses])
     factor = float(seen @ model / (model @ model))
     low, high = 1.0 - settings.scale, 1.0 + settings.scale
-    return Measurement("cable for each metre that the encoders say, by the marker", factor, "m", low=low, high=high)
+    return Measurement("cable length by the marker, for each metre by the encoders", factor, "m", low=low, high=high)

@@ -73,9 +73,9 @@ class GaugeGuard:
         for gauge in self._gauges:
             reading = gauge.latest()
             if reading is None:
-                return f"{gauge.name} has told nothing so far"
+                return f"{gauge.name} has sent nothing so far"
             if (age := seen.t - reading.t) > gauge.age:
-                return f"{gauge.name} has told nothing for {age:.2f} s; at most {gauge.age:g} s is allowed"
+                return f"{gauge.name} has sent nothing for {age:.2f} s; at most {gauge.age:g} s is allowed"
         return None
 
 

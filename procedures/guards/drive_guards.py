@@ -60,7 +60,7 @@ class FollowingErrorGuard:
         if index is None:
             return None
         return (
-            f"{self._winches[index]} is {1e3 * (values[index] or 0.0):+.1f} mm off the place that its drive wants, "
+            f"{self._winches[index]} is {1e3 * (values[index] or 0.0):+.1f} mm from its drive's commanded position, "
             f"at most {1e3 * self._allowed:g} mm is allowed"
         )
 
@@ -90,7 +90,7 @@ class TemperatureGuard:
                 self._told[index] = seen.t
             elif seen.t - self._told.get(index, seen.t) > self._age:
                 silent = seen.t - self._told[index]
-                return f"{self._winches[index]} has not told its temperature for {silent:.0f} s"
+                return f"{self._winches[index]} has not reported its temperature for {silent:.0f} s"
         return None
 
 

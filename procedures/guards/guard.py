@@ -102,7 +102,7 @@ class Standstill:
         if ago > self._lasted or not self._lasted or guard == HOST_LOOP:
             return says
         until = "" if ago < 0.005 else f", until {ago:.2f} s ago"
-        return f"this computer did nothing for {self._lasted:.2f} s{until}; {says}"
+        return f"this computer stood still for {self._lasted:.2f} s{until}; {says}"
 
 
 class Always(Reacting):

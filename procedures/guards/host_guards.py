@@ -37,7 +37,7 @@ class LoopGuard:
         late = 0.0 if before is None else seen.t - before
         if late <= self._allowed:
             return None
-        return f"this computer did nothing for {late:.2f} s, {self._allowed:g} s is allowed; what else runs on it?"
+        return f"this computer stood still for {late:.2f} s, {self._allowed:g} s is allowed; check what else runs on it"
 
 
 class DiskGuard:
@@ -64,7 +64,7 @@ class DiskGuard:
             self._disk.put(self._ask)
         if self._low is None:
             return None
-        return f"{self._folder} has {self._low / 1e6:.0f} MB left, {self._spare / 1e6:.0f} MB are wanted"
+        return f"{self._folder} has {self._low / 1e6:.0f} MB free, {self._spare / 1e6:.0f} MB are required"
 
     def _ask(self) -> None:
         free = self._free(self._folder)
@@ -93,7 +93,7 @@ class ClockStepGuard:
         before, self._offset = self._offset, offset
         if before is None or abs(offset - before) <= self._allowed:
             return None
-        return f"the computer's time of day was set by {offset - before:+.1f} s while running"
+        return f"the computer's time of day was changed by {offset - before:+.1f} s during the run"
 
 
 def _free(folder: Path) -> float:

@@ -67,7 +67,7 @@ class Follower:
         places, speeds = [place for place, _ in seen], [speed for _, speed in seen]
         off = _outside(sample.length - self._behind, places)
         if abs(off) > self._allowed.place:
-            return f"is {off * 1e3:+.1f} mm from where it was told to be, {self._allowed.place * 1e3:g} mm is allowed"
+            return f"is {off * 1e3:+.1f} mm from its commanded position, {self._allowed.place * 1e3:g} mm is allowed"
         if self._turns_unseen(sample, resting=not any(speeds)):
             return f"moves at {sample.velocity:+.3f} m/s by its drive's velocity, and its encoder does not follow"
         beyond = abs(_outside(sample.velocity, speeds))

@@ -11,7 +11,7 @@ from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 
 PUSHES = (
-    "; a cable cannot push: is the sign of its drive right (direction, 607E), have two drives changed places, or is "
+    "; a cable cannot push: is the sign of its drive wrong (direction, 607E), were two drives exchanged, or is "
     "its current measured wrongly?"
 )
 MOVES = 0.02
@@ -67,8 +67,8 @@ class PowerGuard:
         if len(enabled) <= ALLOWED.get(seen.phase, len(enabled)):
             return None
         names, have = " and ".join(enabled), "has" if len(enabled) == 1 else "have"
-        alone = " at once, one alone is tried" if seen.phase is Phase.TRYING else ""
-        return f"{names} {have} power{alone}: another program, or a vendor's tool, gives it"
+        alone = " at the same time, but only one is tested" if seen.phase is Phase.TRYING else ""
+        return f"{names} {have} power{alone}; another program or a vendor's tool has switched it on"
 
 
 class StaleGuard:
@@ -91,8 +91,8 @@ class StaleGuard:
             elif age > self._age:
                 silent[winch] = f"for {age:.2f} s; at most {self._age:g} s is allowed"
             elif sample.state is DriveState.UNKNOWN:
-                silent[winch] = f"for {age:.2f} s, longer than its driver believes a value"
-        says = _shared(silent, len(self._winches), "does not answer", "do not answer")
+                silent[winch] = f"for {age:.2f} s, so its values are too old"
+        says = _shared(silent, len(self._winches), "has not answered", "have not answered")
         if says is not None and 1 < len(silent) == len(self._winches):
             says += "; look at the bus, its adapter and power, and whether this computer's control loop kept up"
         return says
@@ -125,7 +125,7 @@ class TensionGuard:
                 continue
             tension = factor * sample.current
             if math.isnan(tension):
-                return f"nobody knows the tension of cable {cable}: its drive tells neither current nor torque"
+                return f"the tension of cable {cable} is unknown: its drive reports neither current nor torque"
             if seen.phase is Phase.HANDLING:
                 self._since.pop((cable, "under"), None)
             elif self._lasts(seen.t, (cable, "under"), tension - self._low):
@@ -136,7 +136,7 @@ class TensionGuard:
             if self._is_stuck(seen.t, cable, sample):
                 return (
                     f"the motor current of cable {cable} is exactly {sample.current:g} A for {self._stuck_for:g} s "
-                    "while its winch moves: the sensor is stuck, so that nobody knows the tension"
+                    "while its winch moves: the sensor is stuck, so the tension is unknown"
                 )
         return None
 
@@ -188,7 +188,7 @@ class MarkerGuard:
         position = frame.positions[0] if frame.positions else None
         frozen = position == self._position
         self._position = position
-        self._why = "the main marker is lost" if position is None else "the main marker is frozen in its place"
+        self._why = "the main marker is lost" if position is None else "the main marker is frozen"
         return position is not None and not frozen
 
 

@@ -10,7 +10,7 @@ from procedures.steps import Result
 from procedures.steps.accuracy import REACHED, CheckAccuracy
 from procedures.steps.excitation import IdentifyBody
 
-DIED = "the process that computes it has died, or took too long"
+DIED = "the process that computes it has ended, or took too long"
 
 
 async def check_accuracy(stand: Stand, step: CheckAccuracy) -> Result:
@@ -39,7 +39,7 @@ async def identify_body(stand: Stand, _step: IdentifyBody) -> Result:
     """The body on the robot, for the next plan; a run goes on where it cannot be identified."""
     values, problem = await apart(_identified, stand.folder.path) or ((), DIED)
     if problem:
-        return Result(Outcome.UNSET, f"the body is planned with as before: {problem}")
+        return Result(Outcome.UNSET, f"planning continues with the previous body: {problem}")
     return Result(values=values)
 
 
@@ -55,4 +55,4 @@ def _identified(folder: Path) -> tuple[tuple[float, ...], str]:
     except (ArithmeticError, ValueError, RuntimeError, OSError) as error:  # LinAlgError is a ValueError
         return (), f"{type(error).__name__}: {error}"
     values = (*map(float, found.likely.vector), *map(float, found.off.ravel()))
-    return (values, "") if all(map(isfinite, values)) else ((), "what is found is not finite")
+    return (values, "") if all(map(isfinite, values)) else ((), "the result is not finite")

@@ -55,11 +55,12 @@ async def _lag(step: Jog, recorded: WindowRecording) -> Result:
     except RefusedError as refusal:
         return Result(Outcome.FAIL, refusal.message)
     found = (
-        Measurement("uncertainty of the lag", sd, "s", high=step.sd),
+        Measurement("uncertainty of the delay", sd, "s", high=step.sd),
         Measurement("correlation of markers and encoders", correlation, "", low=0.9),
     )
     outcome, reason = judge(found)
-    says = f"the markers are {1e3 * lag:.2f} ms late against the encoders, ±{1e3 * sd:.2f} ms"
+    says = f"the markers lag the encoders by {1e3 * lag:.2f} ms, ±{1e3 * sd:.2f} ms"
     if not outcome.usable:
-        says = f"{reason}: look for longer (--set align.seconds={2.0 * step.duration:g}), nothing else running here"
+        longer = f"--set align.seconds={2.0 * step.duration:g}"
+        says = f"{reason}: measure for longer ({longer}), without other programs on this computer"
     return Result(outcome, says, found, values=(lag, sd, correlation))

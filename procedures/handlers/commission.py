@@ -128,7 +128,7 @@ async def _stopped(stand: Stand, step: ProveStop, winch: Winch, bench: TrialBenc
     if not sign:
         raise DeviceError(
             winch.name,
-            f"has no room to be tried: {far:.2f} m of cable to one side are needed.",
+            f"has no room for the trial: {far:.2f} m of cable to one side are needed.",
             hint="Wind or pay out, or widen its length_limits while there is no load.",
         )
     way = _Way(winch, stand, start, sign, stand.settings.commission.still)
@@ -146,11 +146,11 @@ async def _runs(way: _Way, run_up: float, within: float) -> None:
     deadline = clock.now() + within
     while (gone := await way.look()) < run_up:
         if gone < -2.0 * way.still:
-            raise _WrongError(f"it moves the wrong way: {gone * 1e3:+.1f} mm")
+            raise _WrongError(f"it moves in the wrong direction: {gone * 1e3:+.1f} mm")
         if clock.now() > deadline:
             raise _WrongError(
-                f"its encoder has gone {gone * 1e3:.1f} mm in {within:.1f} s, {run_up * 1e3:.1f} mm were commanded: "
-                "does it stand, or does the encoder not tell?"
+                f"its encoder moved {gone * 1e3:.1f} mm in {within:.1f} s, {run_up * 1e3:.1f} mm were commanded: "
+                "the drum stands still, or the encoder does not work"
             )
 
 
@@ -165,7 +165,7 @@ async def _stop(way: _Way, step: ProveStop, expected: TrialStop, longest: float)
     late = expected.reaction + way.stand.settings.commission.late
     return [
         Measurement("time to standstill", max(stopped - began, 0.0), "s", high=ramp + late),
-        Measurement("way to standstill", rest - place, "m", high=step.speed * (late + 0.5 * ramp)),
+        Measurement("distance to standstill", rest - place, "m", high=step.speed * (late + 0.5 * ramp)),
     ]
 
 
@@ -174,13 +174,13 @@ async def _at_limit(way: _Way, limit: float, longest: float) -> list[Measurement
     while not way.stands():
         gone = await way.look()
         if way.seen[-1][0] - began > longest + SETTLED:
-            raise _WrongError(f"it goes {(gone - limit) * 1e3:.0f} mm beyond its position limit, and on")
+            raise _WrongError(f"it passes its position limit by {(gone - limit) * 1e3:.0f} mm and does not stop")
     stopped, rest = way.moved_last()
     late = way.stand.settings.commission.late
     crossed = next((t for t, gone in way.seen if gone >= limit), stopped)
     return [
         Measurement("time to standstill beyond the limit", max(stopped - crossed, 0.0), "s", high=late),
-        Measurement("way beyond the limit", rest - limit, "m", high=way.stand.settings.guard.motion),
+        Measurement("distance beyond the limit", rest - limit, "m", high=way.stand.settings.guard.motion),
     ]
 
 
@@ -197,7 +197,7 @@ async def _stays(stand: Stand, step: ProveStop, winch: Winch, found: list[Measur
     moved = abs(await winch.ask_length() - before)
     found.append(Measurement("moved after it had stopped", moved, "m", high=stand.settings.hold.still))
     if step.trial not in STAYS_ENABLED and DriveState.OPERATION_ENABLED in states:
-        return f"it is in “{DriveState.OPERATION_ENABLED}” afterwards, by itself", False
+        return f"afterwards it is in “{DriveState.OPERATION_ENABLED}” without a command", False
     return "", DriveState.FAULT in states
 
 
@@ -225,8 +225,8 @@ async def _made_to_stop(stand: Stand, winch: Winch) -> str:
             return ""
     winch.power_off()
     rests = await _comes_to_rest(stand, winch)
-    return "neither a quick stop nor NMT stop has stopped it" + (
-        ", taking its power has" if rests else ", and it still moves: cut the power by hand"
+    return "neither a quick stop nor NMT stop stopped it" + (
+        "; it stopped when its power was switched off" if rests else "; it still moves: cut the power by hand"
     )
 
 

@@ -36,7 +36,7 @@ async def strokes(stand: Stand, step: Strokes) -> Result:
     clock = stand.rig.clock
     off = longest_way(stand.lengths(), step.lengths)
     if off > RESTING * step.tolerance:
-        raise DeviceError("winches", f"are {off * 1e3:.1f} mm from where the strokes begin; something has moved them")
+        raise DeviceError("winches", f"are {off * 1e3:.1f} mm from the start of the strokes; something has moved them")
     for target in (target for chain in step.chains for target in chain.targets):
         wrong = stand.workspace.between(step.lengths, target)
         if wrong is not None:
@@ -111,7 +111,7 @@ async def _told(swing: "Swing", t: np.ndarray, places: np.ndarray, rest: np.ndar
 
     seen = await asyncio.get_running_loop().run_in_executor(None, fit)
     if seen is None:
-        return Result(Outcome.FAIL, "the main marker was seen too seldom to tell how the platform swings")
+        return Result(Outcome.FAIL, "the main marker was seen too rarely to measure the swing")
     found = tuple(
         Measurement(f"swing of mode {mode}", float(value), "m") for mode, value in enumerate(seen.amplitudes, start=1)
     )

@@ -42,7 +42,7 @@ async def await_hands_off(stand: Stand, step: AwaitHandsOff) -> Result:
             return Result(measurements=found)
         if passed >= step.timeout:
             if not trace.full:
-                lost = "hardly a new position of the main marker came (lost, frozen, or no stream)"
+                lost = "almost no new position of the main marker arrived (lost, frozen, or no stream)"
                 reason = "; ".join([lost, *(m.sentence for m in found[1:] if not m.outcome.usable)])
             return Result(Outcome.FAIL, f"not moving freely after {step.timeout:g} s: {reason}", found)
         stand.progress(passed / step.timeout)

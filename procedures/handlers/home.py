@@ -52,7 +52,7 @@ async def measure_pose(stand: Stand, step: MeasurePose) -> Result:
         return Result(Outcome.FAIL, "the markers seen lie on one line")
     found = (
         Measurement("markers peak to peak", float(np.ptp(markers, axis=0).max()), "m", high=step.still),
-        Measurement("markers against the robot file's, rms", float(rms[0]), "m", high=step.misfit),
+        Measurement("distance of the markers from those of the robot file, rms", float(rms[0]), "m", high=step.misfit),
     )
     outcome, reason = judge(found)
     lengths = Mechanism(stand.robot).lengths(positions, rotations)[0]
@@ -80,5 +80,5 @@ async def set_lengths(stand: Stand, step: SetLengths) -> Result:
     try:
         await within(clock, settings.timeout, work)
     except TimeoutError:
-        raise DeviceError("winches", f"do not take their lengths within {settings.timeout:g} s") from None
+        raise DeviceError("winches", f"do not accept their lengths within {settings.timeout:g} s") from None
     return Result(values=tuple(new - old for new, old in zip(step.lengths, before, strict=True)), measurements=found)

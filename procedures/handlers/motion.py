@@ -42,8 +42,8 @@ def require_alone(stand: Stand) -> None:
     bus = stand.rig.bus
     if bus is not None and bus.strangers:
         raise BusError(
-            f"The winches may not have power: {bus.strangers}.",
-            hint="Stop the other program, or unplug the other node, before anything gets power.",
+            f"The winches must not be switched on: {bus.strangers}.",
+            hint="Stop the other program, or unplug the other node, before anything is switched on.",
         )
 
 
@@ -102,7 +102,7 @@ async def _start(stand: Stand, step: MoveTo, start: Lengths, way: float) -> None
     except TimeoutError:
         late = [winch.name for winch, move in zip(winches, moves, strict=True) if not move.done()]
         together = stand.settings.motion.together
-        raise DeviceError(", ".join(late), f"has not begun its move within {together:g} s of the others") from None
+        raise DeviceError(", ".join(late), f"did not start its move within {together:g} s of the others") from None
 
 
 async def _until_one_fails(moves: Sequence["asyncio.Future[None]"]) -> None:
@@ -131,7 +131,7 @@ def _require_straight(stand: Stand, start: Lengths, end: Lengths, lengths: Lengt
 
 def _not_arrived(stand: Stand, step: MoveTo, allowed: float) -> DeviceError:
     late = [
-        (winch.name, f"is at {sample.length:.4f} m, {length:.4f} m was asked for")
+        (winch.name, f"is at {sample.length:.4f} m, {length:.4f} m was commanded")
         for winch, sample, length in zip(stand.rig.winches, stand.samples(), step.lengths, strict=True)
         if abs(sample.length - length) > step.tolerance or not sample.target_reached
     ]

@@ -56,7 +56,7 @@ def _placed(stand: Stand, rest: NominalRest, seen: SeenAtRest) -> Result:
     try:
         found, cause = place_measurements(rest, seen, stand.places, stand.settings.place)
     except InfeasibleError as refusal:
-        says = f"the platform could not rest at the lengths that the encoders tell: {refusal.message.rstrip('.')}"
+        says = f"the platform cannot rest at the lengths that the encoders report: {refusal.message.rstrip('.')}"
         return Result(Outcome.FAIL, says)
     outcome, reason = judge(found)
     return Result(outcome, "; ".join(filter(None, (reason, cause))), found)
@@ -72,14 +72,14 @@ async def try_winches(stand: Stand, step: TryWinches) -> Result:
     over = _looking(rest, stand.lengths(), step.over)
     start = await _look(stand, over)
     if start is None:
-        return Result(Outcome.FAIL, "the main marker was seen too seldom to compare it with the lengths")
+        return Result(Outcome.FAIL, "the main marker was seen too rarely to compare it with the lengths")
     placed = _placed(stand, rest, SeenAtRest(start.lengths, start.marker))
     if not placed.outcome.usable:
         return placed
     found, responses, untried = list(placed.measurements), list[Response](), list[str]()
     async for cable, look in _moves(stand, replace(step, over=over), start.lengths, untried):
         if look is None:
-            return Result(Outcome.FAIL, f"the main marker was lost while winch {cable} was tried", tuple(found))
+            return Result(Outcome.FAIL, f"the main marker was lost while winch {cable} was tested", tuple(found))
         one = _response(rest, cable, start, look)
         responses.append(one)
         found += response_measurements(one, stand.settings.place)
@@ -104,7 +104,7 @@ def _verdict(stand: Stand, found: list[Measurement], responses: list[Response], 
         found.append(common_factor(responses, stand.settings.place))
     outcome, reason = judge(found)
     if not outcome.usable:
-        reason = f"{reason}: have all drums or gears another size than the rig file says"
+        reason = f"{reason}: are the sizes of drums or gears in the rig file wrong"
     if untried:
         reason = "; ".join(filter(None, (reason, *untried)))
         outcome = Outcome.MARGINAL if outcome is Outcome.PASS else outcome
@@ -119,7 +119,7 @@ async def _moves(
         ways = (step.way, 0.5 * step.way)
         way = next((one for one in ways if _has_room(stand, start, cable, ROOM * one)), None)
         if way is None:
-            untried.append(f"winch {cable} was not tried: too near to a limit of lengths or tensions")
+            untried.append(f"winch {cable} was not tested: too close to a limit of lengths or tensions")
             continue
         await move_to(stand, _move(step, _aside(start, cable, way)))
         yield cable, await _look(stand, step.over)

@@ -38,7 +38,7 @@ async def await_held(stand: Stand, step: AwaitHeld) -> Result:
         if outcome.usable:
             return Result(measurements=found, values=tuple(float(v) for v in trace.mean))
         if passed >= step.timeout:
-            return Result(Outcome.FAIL, f"not held still aside after {step.timeout:g} s: {reason}", found)
+            return Result(Outcome.FAIL, f"not held still away from rest after {step.timeout:g} s: {reason}", found)
         stand.progress(passed / step.timeout)
         await clock.sleep(POLL)
 

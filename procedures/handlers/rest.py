@@ -27,7 +27,9 @@ async def settle(stand: Stand, step: Settle) -> Result:
     spread = trace.spread if trace.full else None
     still = Measurement("marker peak to peak", spread, "m", high=step.tolerance)
     if spread is None:
-        reason = f"The main marker was seen too seldom for {step.timeout:g} s to tell whether the platform rests."
+        reason = (
+            f"The main marker was seen too rarely for {step.timeout:g} s to decide whether the platform is at rest."
+        )
         return Result(Outcome.FAIL, reason, (still,))
     reason = (
         f"The marker still moves {spread * 1e3:.1f} mm peak to peak after {step.timeout:g} s, "

@@ -18,7 +18,7 @@ async def take_up(stand: Stand, step: TakeUp) -> Result:
     """Enable all, then pull one after another while the others are watched. Raises as `PullTaut`, or RefusedError."""
     rig, bands = stand.rig, stand.settings.tension.bands
     if len(rig.pulls) != len(rig.winches):
-        raise RefusedError("The winches of this rig take up no slack by torque.")
+        raise RefusedError("The winches of this rig cannot take up slack in torque mode.")
     require_alone(stand)
     await command_all([winch.enable() for winch in rig.winches])
     wound: list[float] = []

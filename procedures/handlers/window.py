@@ -14,7 +14,9 @@ from procedures.settings import PlaceSettings
 from procedures.stand import Stand
 from procedures.steps import SLIPPED, Accept, CheckWindow, GiveUp, Lengths, Note, Record, Reject, Result
 
-SINCE_REST = "since the platform rested a cable slipped on its drum, or the marker or motion capture's origin moved"
+SINCE_REST = (
+    "since the platform was at rest, a cable slipped on its drum, or the marker or motion capture's origin moved"
+)
 
 
 async def record(stand: Stand, step: Record) -> Result:

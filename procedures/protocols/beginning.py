@@ -9,7 +9,7 @@ from procedures.settings import Settings
 from procedures.steps import Ask, Enable, Lengths, Note, Result, Step, Stop
 from procedures.steps.placing import SWINGS, ComparePlace, TryWinches
 
-REST = "The platform still swings. Bring it to rest: each winch is tried by a few millimetres before anything moves."
+REST = "The platform still swings. Bring it to rest: first each winch is tested by moving it a few millimetres."
 
 
 def begin(n: int, settings: Settings, *, attended: bool = True) -> Generator[Step, Result, Lengths]:
@@ -35,12 +35,12 @@ def begin(n: int, settings: Settings, *, attended: bool = True) -> Generator[Ste
             break
         prompt = Prompt(PromptKind.STEADY, REST, choices=("done", "abort"))
         if (yield Ask(prompt=prompt, estimate=settings.estimate(prompt))).answer == "abort":
-            yield Stop(outcome=Outcome.ABORTED, reason="The operator aborted before the winches were tried.")
+            yield Stop(outcome=Outcome.ABORTED, reason="The operator aborted before the winches were tested.")
         result = yield step
     if result.answer == SWINGS and not attended:
-        yield Note(remark=f"the winches were not tried: {result.reason}")
+        yield Note(remark=f"the winches were not tested: {result.reason}")
     elif not result.outcome.usable:
-        yield Stop(outcome=Outcome.FAIL, reason=f"Before anything moved farther: {result.reason}.")
+        yield Stop(outcome=Outcome.FAIL, reason=f"In the test of the winches: {result.reason}.")
     return result.values or at
 
 

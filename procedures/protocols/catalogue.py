@@ -84,7 +84,7 @@ CATALOGUE: Mapping[str, Listed] = MappingProxyType(
         "identify": Listed("free motion about each equilibrium of the plan, recorded and judged", _identify),
         "excite": Listed("the same without a hand: the winches excite, calm and travel gently", _excite, alone=True),
         "cross-validate": Listed(
-            f"the same, for windows that no fit will see (the paper has {CROSS_VALIDATION})",
+            f"the same, for windows that are not used in any fit (the paper has {CROSS_VALIDATION})",
             _identify,
             Role.VALIDATE,
         ),
@@ -96,9 +96,9 @@ CATALOGUE: Mapping[str, Listed] = MappingProxyType(
         "home": Listed("the encoders' zeros, at a known or measured pose, without power", _home),
         "take-up": Listed("slack taken up by torque, cable by cable, with the platform fixed; brakes hold it", _slack),
         "commission": Listed("every stop of every winch, proven by trial without load (fidim commission)", _commission),
-        "align": Listed("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
+        "align": Listed("delay of motion capture against the encoders, by a move up and down", _align, alone=True),
         "compare": Listed(
-            "record the plan, explain it, record where it tells most: until the verdict is clear",
+            "record the plan, explain it, record the most informative windows: until the verdict is clear",
             compare,
             further=compare,
             needs=(Role.IDENTIFY, Role.VALIDATE),
@@ -133,9 +133,9 @@ def experiment(
     for role in entry.needs:
         if all(window.role is not role for window in plan.windows):
             raise SetupError(
-                f"The plan {plan.name} has no window of the role {role.value}, which {name} needs: what is found in "
-                "some windows is judged on others.",
-                hint=f'Write role = "{role.value}" into one window in three or four.',
+                f"The plan {plan.name} has no window of the role {role.value}, which {name} needs: the result "
+                "of some windows is tested on others.",
+                hint=f'Write role = "{role.value}" for every third or fourth window.',
             )
     if entry.role is not None:
         plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))

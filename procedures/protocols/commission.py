@@ -49,7 +49,7 @@ def judge_trials(results: Mapping[Trial, Result]) -> JudgedTrials:
     tried = [outcome for outcome in needed if outcome is not Outcome.SKIPPED]
     if not watched:
         tried.append(Outcome.FAIL)
-        said.append("nothing has stopped it when its host was lost")
+        said.append("nothing stopped it when its host was lost")
     return JudgedTrials(worst(tried), "; ".join(said))
 
 
@@ -68,7 +68,7 @@ def _told(result: Result) -> str:
 def _commission(plan: Plan, settings: Settings) -> Steps:
     yield Configure()
     if (yield _ask("", _WORD, settings, ("done", "abort"))).answer != "done":
-        yield Stop(outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        yield Stop(outcome=Outcome.ABORTED, reason="left unchanged by the operator")
         return
     outcomes: list[Outcome] = []
     for index, window in enumerate(plan.windows):
@@ -78,9 +78,7 @@ def _commission(plan: Plan, settings: Settings) -> Steps:
             yield Stop(outcome=Outcome.ABORTED, reason="ended by the operator")
             return
         if answer == "skip":
-            yield GiveUpWithoutPower(
-                window=window.id, outcome=Outcome.SKIPPED, reason="not tried, by the operator's word"
-            )
+            yield GiveUpWithoutPower(window=window.id, outcome=Outcome.SKIPPED, reason="skipped by the operator")
             outcomes.append(Outcome.SKIPPED)
             continue
         judged = judge_trials((yield from _tried(window.id, index, settings)))

@@ -47,7 +47,11 @@ def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Step
             yield Note(remark="the verdict is clear")
             return
         if found.answer != Clarity.UNCLEAR or not left:
-            more = "" if left else f" {len(FURTHER)} further windows have been recorded; the next step is a person's."
+            more = (
+                ""
+                if left
+                else f" {len(FURTHER)} further windows have been recorded; a person must decide how to continue."
+            )
             yield Stop(outcome=Outcome.FAIL, reason=f"The verdict is not clear: {found.reason}{more}")
         id_ = left.pop(0)
         yield Note(window=id_, remark="recorded because the verdict is not clear yet")

@@ -65,5 +65,5 @@ def _held(
 def _prompt(kind: PromptKind, planned: PlannedWindow, reasons: Sequence[str], rest: str) -> Prompt:
     wanted = tuple(float(v) for v in planned.displacement)
     where = ", ".join(f"{axis} {round(value * 1e3):+d} mm" for axis, value in zip("xyz", wanted, strict=False))
-    again = f"Not good: {reasons[-1]}. Once more: d" if reasons else "D"
+    again = f"Not accepted: {reasons[-1]}. Again: d" if reasons else "D"
     return Prompt(kind, f"{again}isplace the platform by {where}, {rest}.", displacement=wanted)

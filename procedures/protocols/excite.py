@@ -101,7 +101,7 @@ class ExciteProtocol(WindowProtocol):
         try:
             return (
                 yield from self._think(
-                    window, "plan a move that leaves the platform still", job, (start, goal, self._who)
+                    window, "plan a move that does not excite the platform", job, (start, goal, self._who)
                 )
             )
         except InfeasibleError:  # where no rest is known, or fast moves pull too much: as slowly as by hand
@@ -191,7 +191,7 @@ class ExciteProtocol(WindowProtocol):
                 yield from self._identified(planned)
                 return True
             reasons.append(reason)
-        reason = f"rejected {attempts} times, at last: {reasons[-1]}"
+        reason = f"rejected {attempts} times, the last time: {reasons[-1]}"
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return True
 
@@ -228,7 +228,7 @@ class ExciteProtocol(WindowProtocol):
         seen = SeenSwing.of(result.values)
         before = (self._knowledge or Knowledge.none(len(seen.damping))).fitting(len(seen.damping))
         job = partial(taught, place, self._bodies, plan, seen, before)
-        lesson = yield from self._think(planned, "learn from how it swung", job)
+        lesson = yield from self._think(planned, "learn from the measured swing", job)
         self._place, self._bodies, self._knowledge = lesson.place, lesson.bodies, lesson.knowledge
         close = self.settings.excite.close
         if self._tries < self.settings.excite.tries and may_gain(seen.amplitudes, plan, close):

@@ -58,12 +58,12 @@ def known_lengths(place: PlannedWindow, robot: Robot) -> Lengths:
 def _home(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
     yield Configure(window=place.id)
     if (yield _ask(place, settings)).answer != "done":
-        yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left unchanged by the operator")
         return
     home = settings.home
     if home.taut:
         if (yield ask_for_motion(place, settings)).answer != "done":
-            yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+            yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left unchanged by the operator")
             return
         yield from taken_up(place, robot, settings)
     if home.by_markers:

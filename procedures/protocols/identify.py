@@ -100,7 +100,7 @@ class WindowProtocol:
                 return at, True
             except Retried:
                 at, swinging = (yield from self._held_anyhow(planned)), True
-        reason = f"begun {1 + self.settings.record.repeats} times without coming to a recording"
+        reason = f"begun {1 + self.settings.record.repeats} times without a recording"
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return at, True
 
@@ -182,7 +182,7 @@ class WindowProtocol:
                 return result
             answer = yield from self.steady(planned, f"{result.reason} Bring the platform to rest.")
             if answer == "skip":
-                yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
+                yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="skipped by the operator")
                 return None
             result = yield step
         if result.outcome.usable:
@@ -223,7 +223,7 @@ class WindowProtocol:
             try:
                 answer, reason = yield from displace(planned, self.robot, self.settings, rest, reasons, ask)
                 if answer == "skip":
-                    yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
+                    yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="skipped by the operator")
                     return bool(reasons)
                 reason = reason or (yield from self.attempt(planned, rest))
             except Retried as word:
@@ -231,7 +231,7 @@ class WindowProtocol:
             if reason is None:
                 return True
             reasons.append(reason)
-        reason = f"rejected {attempts} times, at last: {reasons[-1]}"
+        reason = f"rejected {attempts} times, the last time: {reasons[-1]}"
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return True
 

@@ -78,7 +78,8 @@ def duration(least: float, most: float) -> str:
     """How long a run takes, s, in words: a range where there is one."""
     if clock(least) == clock(most):
         return f"takes about {clock(least)}"
-    return f"takes {clock(least)} to {clock(most)}, by how soon the platform rests; windows recorded again come on top"
+    rest = "depending on how soon the platform rests; repeated recordings take extra time"
+    return f"takes {clock(least)} to {clock(most)}, {rest}"
 
 
 def clock(seconds: float) -> str:

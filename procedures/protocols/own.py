@@ -30,7 +30,7 @@ INSTALLED = (
 """where no file is of a laboratory's own"""
 MOST_STEPS = 200_000
 """of one procedure: two days of readings of 1 s; an endless list is refused after some seconds instead of never"""
-HINT = "docs/procedures.md shows a procedure; --debug shows the whole way there."
+HINT = "docs/procedures.md shows a procedure; --debug shows the full traceback."
 
 
 def own_procedure(path: Path) -> Make:
@@ -84,7 +84,7 @@ def _not_yielded(error: Exception) -> str:
     step = error.obj
     if not isinstance(step, Step) or error.name not in {field.name for field in fields(Result)}:
         return ""
-    return f" That is of its result: write `yield` before {type(step).__name__}(…)."
+    return f" That is an attribute of its result: write `yield` before {type(step).__name__}(…)."
 
 
 def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:
@@ -97,14 +97,21 @@ def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:
             number += 1
             line = _yielding(path, steps)
             if number > MOST_STEPS:
-                raise FileError(path, line, f"more than {MOST_STEPS} steps and no end: a loop without one?", hint=HINT)
+                raise FileError(
+                    path, line, f"more than {MOST_STEPS} steps without an end: is there an endless loop?", hint=HINT
+                )
             if not isinstance(step, Step):
                 how = ": write `yield from` before a generator" if isinstance(step, Generator) else ""
-                raise FileError(path, line, f"yields {_shown(step)}, which is no step{how}.", hint=HINT)
+                raise FileError(path, line, f"yields {_shown(step)}, which is not a step{how}.", hint=HINT)
             if wrong := mistake(step, lab, windows):
                 raise FileError(path, line, f"step {number}, {wrong}.", hint=HINT)
             if beyond := lab.beyond(step):
-                raise FileError(path, line, f"step {number}, {'; '.join(beyond)}.", hint="It was not begun. Change it.")
+                raise FileError(
+                    path,
+                    line,
+                    f"step {number}, {'; '.join(beyond)}.",
+                    hint="Nothing was started. Change the procedure.",
+                )
             if isinstance(step, Record):
                 recorded.add(step.window)
             if isinstance(step, Accept) and step.window not in recorded:

@@ -38,10 +38,10 @@ def unyielded(source: str, module: ModuleType) -> Iterator[tuple[int, str]]:
         if isinstance(made, type) and issubclass(made, Step):
             yield (
                 node.lineno,
-                f"{made.__name__}(…) is made but not yielded, so it is never done; write `yield` before it",
+                f"{made.__name__}(…) is created but not yielded, so it is never executed; write `yield` before it",
             )
         elif inspect.isgeneratorfunction(made):
-            yield node.lineno, f"{made.__name__}(…) is dropped, so it does nothing; write `yield from` before it"
+            yield node.lineno, f"{made.__name__}(…) is not used, so it does nothing; write `yield from` before it"
 
 
 def _resolved(node: ast.expr, module: ModuleType) -> object:

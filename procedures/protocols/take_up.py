@@ -25,7 +25,7 @@ def take_up(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps
 def _take_up(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
     yield Configure(window=place.id)
     if (yield ask_for_motion(place, settings)).answer != "done":
-        yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left unchanged by the operator")
         return
     taken = yield from taken_up(place, robot, settings)
     held = yield power_taken(place, settings)

@@ -42,7 +42,7 @@ class Ledger:
     def _counted(self) -> str:
         passed = [row for row in self.rows if row.outcome is Outcome.PASS]
         if passed and not any(row.attempts or row.file for row in self.rows):
-            return f"{len(passed)} of {len(self._rows)} places done, where nothing was to be recorded"
+            return f"{len(passed)} of {len(self._rows)} places done; nothing was to be recorded"
         accepted = sum(row.file is not None for row in self.rows)
         return f"{accepted} of {len(self._rows)} windows accepted"
 

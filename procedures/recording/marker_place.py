@@ -42,7 +42,7 @@ def place_measurements(
     InfeasibleError.
     """
     seen = place[~np.isnan(place).any(axis=1)]
-    names = (BESIDE, "distance of the swing's middle from the rest before it")
+    names = (BESIDE, "distance of the swing's centre from the rest position before it")
     if not len(seen):
         return tuple(Measurement(name, None, "m", high=settings.change) for name in names)
     few = np.vstack([rested, seen[:: max(1, round(APART * rate))]])

@@ -57,7 +57,7 @@ class LastPlace:
         allowed = NEAR_WAY if self.moving else NEAR
         if abs(off[worst]) <= allowed:
             return ""
-        where = "on the way where the journal" if self.moving else "where the journal"
+        where = "the move during which the journal" if self.moving else "where the journal"
         return (
             f"cable {worst + 1} is {lengths[worst]:.4f} m long, {off[worst] * 1e3:+.1f} mm from {where} left it; "
             f"{allowed * 1e3:g} mm is allowed"
@@ -133,7 +133,7 @@ def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
             id=entry.id,
             role=entry.role,
             outcome=said.outcome if said is not None and said.step == "Accept" else Outcome.MARGINAL,
-            reason=said.reason if said is not None else "accepted in the moment in which the run was cut off",
+            reason=said.reason if said is not None else "accepted at the moment the run was interrupted",
             attempts=attempts.get(entry.id, 1),
             equilibrium=entry.equilibrium or (),
             file=folder / entry.file,

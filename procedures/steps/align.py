@@ -39,7 +39,7 @@ class Jog(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return f"go up and down for {self.duration:g} s and record: how late are the markers against the encoders?"
+        return f"move up and down for {self.duration:g} s and record, to measure the delay of the markers"
 
     @property
     def details(self) -> Mapping[str, Any]:
@@ -59,4 +59,4 @@ class Told(GiveUp):
     @property
     def text(self) -> str:
         """What is said."""
-        return "how late the markers are"
+        return "delay of the markers"

@@ -32,7 +32,9 @@ class ProveStop(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return f"winch {self.winch + 1}, {self.trial} at {self.speed:g} m/s: does it stop by itself, and stay?"
+        return (
+            f"winch {self.winch + 1}, {self.trial} at {self.speed:g} m/s: check that it stops by itself and stays still"
+        )
 
     @property
     def place(self) -> tuple[object, ...]:

@@ -88,7 +88,7 @@ class WatchSwing(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return f"see for {self.over:g} s how the platform swings"
+        return f"measure for {self.over:g} s how the platform swings"
 
     @property
     def seconds(self) -> float:
@@ -110,7 +110,7 @@ class SeeRecordedSwing(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return "see how the platform swung, mode by mode"
+        return "measure the swing of each mode"
 
 
 @dataclass(frozen=True, kw_only=True)

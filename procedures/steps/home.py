@@ -90,7 +90,7 @@ class SetLengths(Step):
     def text(self) -> str:
         """The step in words."""
         where = " ".join(f"{length:.4f}" for length in self.lengths) or "(measured)"
-        return f"take the encoders' present counts for lengths {where} m"
+        return f"set the encoders' present counts to lengths {where} m"
 
     @property
     def seconds(self) -> float:

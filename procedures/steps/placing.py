@@ -36,8 +36,8 @@ class TryWinches(Step):
     def text(self) -> str:
         """The step in words."""
         return (
-            f"move each winch {self.way * 1e3:g} mm and back: marker where the lengths put it, marker and tensions "
-            "answer as the model says"
+            f"move each winch {self.way * 1e3:g} mm and back; check the place of the marker, and that marker and "
+            "tensions respond as in the model"
         )
 
     @property
@@ -66,4 +66,4 @@ class ComparePlace(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return f"compare the marker with the place that the lengths put it, at most {self.off * 1e3:g} mm off"
+        return f"compare the marker with its place by the lengths, at most {self.off * 1e3:g} mm off"

@@ -66,7 +66,7 @@ class AwaitHeld(Step):
     def text(self) -> str:
         """The step in words."""
         return (
-            f"wait until the release holds the platform {self.least * 1e3:g} mm or more aside, within "
+            f"wait until the release holds the platform {self.least * 1e3:g} mm or more away from rest, within "
             f"{self.still * 1e3:g} mm for {self.over:g} s"
         )
 

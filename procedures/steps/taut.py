@@ -58,7 +58,7 @@ class TakePower(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return "take the power away, the brakes hold"
+        return "switch off the power; the brakes hold"
 
     @property
     def seconds(self) -> float:

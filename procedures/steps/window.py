@@ -135,7 +135,7 @@ class GiveUp(Step):
     @property
     def text(self) -> str:
         """The step in words."""
-        return self.reason if self.outcome is Outcome.PASS else f"go on without {self.window}: {self.reason}"
+        return self.reason if self.outcome is Outcome.PASS else f"continue without {self.window}: {self.reason}"
 
 
 @dataclass(frozen=True, kw_only=True)

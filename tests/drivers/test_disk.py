@@ -100,7 +100,7 @@ def test_a_disk_that_does_not_go_on_is_told_and_left_behind():
     disk.put(release.wait)
     with pytest.raises(HardwareError, match=r"has not answered for 0\.1 s"):
         asyncio.run(disk.do(lambda: None))
-    assert re.search(r"has not taken for \d+\.\d", disk.error)
+    assert re.search(r"has not accepted data for \d+\.\d", disk.error)
     begun = time.monotonic()
     disk.close()
     assert time.monotonic() - begun < 30.0

@@ -56,9 +56,9 @@ def test_nobody_there():
 @pytest.mark.parametrize(
     ("reply", "says"),
     [
-        (b"nonsense\n", "is no answer"),
-        (b"[]\n", "is no answer"),
-        (json.dumps({"id": 1, "answer": "perhaps"}).encode() + b"\n", "'perhaps' is none of done, skip, abort"),
+        (b"nonsense\n", "is not an answer"),
+        (b"[]\n", "is not an answer"),
+        (json.dumps({"id": 1, "answer": "perhaps"}).encode() + b"\n", "'perhaps' is not one of done, skip, abort"),
         (b"", "connection was lost while a prompt was open"),
     ],
 )

@@ -12,7 +12,7 @@ from benchmarks.rehearsal import TWO, Ended, Rehearsal, places, short
 from fidim_lab.data.records import Plan, Robot
 from sim_backends.mocap.faults import Faults
 
-STARVED = ("not answer for", "0x8130", "this computer did nothing for")
+STARVED = ("not answered for", "0x8130", "this computer stood still for")
 """what a run stops for on a computer that has no time for it: hardware's limits, and the drives in the same process"""
 
 

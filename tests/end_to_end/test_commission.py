@@ -170,10 +170,10 @@ DEFECTS = {
     "ramp_ten_times_too_long": (Trial.QUICK_STOP, "time to standstill is"),
     "halt_coasts": (Trial.HALT, "it does not stop"),
     "following_error_ignored": (Trial.FOLLOWING_ERROR, "it does not stop"),
-    "limit_ignored": (Trial.POSITION_LIMIT, "beyond its position limit"),
-    "wrong_direction": (Trial.QUICK_STOP, "moves the wrong way"),
-    "encoder_frozen": (Trial.QUICK_STOP, "its encoder has gone 0.0 mm"),
-    "enables_itself": (Trial.QUICK_STOP, "afterwards, by itself"),
+    "limit_ignored": (Trial.POSITION_LIMIT, "passes its position limit"),
+    "wrong_direction": (Trial.QUICK_STOP, "moves in the wrong direction"),
+    "encoder_frozen": (Trial.QUICK_STOP, "its encoder moved 0.0 mm"),
+    "enables_itself": (Trial.QUICK_STOP, "afterwards it is in"),
     "stops_in_words": (Trial.QUICK_STOP, "it does not stop"),
     "brake_open": (Trial.QUICK_STOP, "moved without power is"),
 }
@@ -264,5 +264,5 @@ def test_another_winch_that_gets_power_meanwhile_is_stopped(tmp_path):
     bench.heard.append(strike)
     report = bench.commission(tmp_path / "run")
     assert report.reason.startswith("The power guard stopped the run")
-    assert "winch 2 and winch 3 have power at once, one alone is tried" in report.reason
+    assert "winch 2 and winch 3 have power at the same time, but only one is tested" in report.reason
     assert report.held_says.startswith("All winches stand still")

@@ -34,7 +34,7 @@ WRONG = {
     "file as folder": (
         ["--out", "taken/notes.txt"],
         2,
-        "fidim: --out taken/notes.txt exists already, and is a file; nothing in it was touched.",
+        "fidim: --out taken/notes.txt exists already and is a file; it was not changed.",
     ),
     "impossible folder": (
         ["--out", "taken/notes.txt/run", "--equilibria", "1", "--validate", "0"],

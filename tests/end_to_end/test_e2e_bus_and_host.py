@@ -18,7 +18,7 @@ METRES_PER_COUNT = 2e-5
 FAILURES = {
     "cable cut": (
         lambda stage: setattr(stage.bus, "cut", True),
-        "all 4 winches do not answer for 0.1",
+        "all 4 winches have not answered for 0.1",
     ),
     "adapter unplugged": (
         lambda stage: setattr(stage.bus, "fault", "adapter unplugged"),
@@ -115,5 +115,5 @@ def test_in_real_time_a_process_that_hangs_is_missed_by_its_drives(scene):
     report = ended.check(held=ended.report.held, log=False)
     assert report.held
     assert report.exit_code == 3
-    assert "this computer did nothing for " in report.reason  # whichever guard is the first that sees what came of it
+    assert "this computer stood still for " in report.reason  # whichever guard is the first that sees what came of it
     assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}

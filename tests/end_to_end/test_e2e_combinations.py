@@ -124,7 +124,7 @@ CASES = {
         "MoveTo",
         0.25,
         lambda s: (s.mocap.add("silences", 1e3), setattr(s.drive(2).faults, "silent", True)),
-        "winch 2 does not answer for 0.1",
+        "winch 2 has not answered for 0.1",
         DEAF,
     ),
     "a lost host that only one drive misses, unsaid": Case(
@@ -231,7 +231,7 @@ CASES = {
         "TryWinches",
         1.5,
         lambda s: s.mocap.add("jumps", 1e3, (0.0, 0.02, 0.0)),
-        "nothing about winches and drums explains that",
+        "winches and drums do not explain this",
         "stand still, held",
         outcome=Outcome.FAIL,
     ),

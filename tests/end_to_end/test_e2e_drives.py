@@ -99,9 +99,9 @@ def test_a_drive_that_falls_silent_is_missed_and_stops_by_itself(rehearsal, step
     rehearsal.at(step, lambda stage: setattr(stage.drive(2).faults, "silent", True), after=STEPS[step])
     ended = rehearsal.run()
     report = ended.check(held=False)  # nobody can say of a silent drive that it stands still
-    assert "winch 2 does not answer for 0.1" in report.reason
+    assert "winch 2 has not answered for 0.1" in report.reason
     assert "NOT VERIFIED" in report.held_says
-    assert "winch 2 was not seen to stop (does not answer for 0." in report.held_says
+    assert "winch 2 was not seen to stop (has not answered for 0." in report.held_says
     assert "cut the power by hand" in report.held_says
     assert report.held_says.endswith("winch 1, winch 3, winch 4 stand still.")
     assert report.exit_code == 3
@@ -155,7 +155,7 @@ def test_a_drive_that_takes_no_set_point_is_not_left_behind(rehearsal):
     rehearsal.at("MoveTo", lambda stage: stage.bus.rules.append(deaf))
     ended = rehearsal.run()
     report = ended.check()
-    assert report.reason == "winch 2: has not begun its move within 0.2 s of the others"
+    assert report.reason == "winch 2: did not start its move within 0.2 s of the others"
     assert report.exit_code == 3
     assert max(ways(ended)) < 0.015
 
@@ -167,7 +167,7 @@ def test_a_drive_that_acknowledges_and_stays_is_not_left_behind(rehearsal):
     report = ended.check()
     assert "The motion guard stopped the run" in report.reason
     assert "winch 2 is +" in report.reason
-    assert "mm from where it was told to be, 3 mm is allowed" in report.reason
+    assert "mm from its commanded position, 3 mm is allowed" in report.reason
     assert report.exit_code == 3
     assert "Settle" not in ended.begun
 
@@ -222,7 +222,7 @@ def test_a_drive_that_is_reset_by_somebody_else(rehearsal):
 
 def check_no_power(ended, says):
     report = ended.check(held=False)
-    assert report.reason.startswith("winch 2 (node 2): refused, it may not have power: ")
+    assert report.reason.startswith("winch 2 (node 2): refused, it must not be switched on: ")
     assert says in report.reason
     assert report.exit_code == 3
     assert {drive.state for drive in ended.drives} == {State.SWITCH_ON_DISABLED}
@@ -252,7 +252,7 @@ def test_an_encoder_that_jumps_far_while_recording_ends_the_run(rehearsal):
     rehearsal.at("Record", lambda stage: stage.drive(2).faults.jump_encoder(3000), after=0.5)
     ended = rehearsal.run()
     report = ended.check()
-    assert "winch 2 is -60.0 mm from where it was told to be, 3 mm is allowed" in report.reason
+    assert "winch 2 is -60.0 mm from its commanded position, 3 mm is allowed" in report.reason
     assert report.exit_code == 3
     check_kept(ended, "Record")
 

@@ -101,7 +101,7 @@ def test_a_set_point_that_one_drive_never_got_stops_the_others(rehearsal, truth)
     ended = rehearsal.run()
     ended.check(opened=False)
     # the move's own check comes before the guard: 3 mm at 0.2 m/s² take 0.17 s, and it may be 0.06 s late
-    assert ended.report.reason == "winch 2: has not begun its move within 0.2 s of the others"
+    assert ended.report.reason == "winch 2: did not start its move within 0.2 s of the others"
     assert np.ptp(truth.moved) <= 0.010
 
 

@@ -56,14 +56,14 @@ def test_a_window_is_recorded_again_at_most_three_times(scene, rehearsal):
     report = ended.check()
     assert len(ended.begun["Record"]) == 4
     assert report.exit_code == 1
-    assert "i01: rejected 4 times, at last: part of marker samples that are there is 0.6" in report.reason
+    assert "i01: rejected 4 times, the last time: part of marker samples that are there is 0.6" in report.reason
     assert len(list((ended.folder / "rejected").glob("*.csv"))) == 4
     assert not list((ended.folder / "windows").iterdir())
 
 
 LOSSES = {
     "occlusions": "the main marker is lost for 3.0",
-    "freezes": "the main marker is frozen in its place for 3.0",
+    "freezes": "the main marker is frozen for 3.0",
     "silences": "no frame has come from motion capture for 3.0",
 }
 

@@ -49,7 +49,7 @@ def test_another_master_before_there_is_power_is_refused(rehearsal):
     rehearsal.at("", poll)
     rehearsal.at("Enable", lambda stage: None)
     ended = rehearsal.run()
-    assert "may not have power: another master is on this bus" in ended.report.reason
+    assert "must not be switched on: another master is on this bus" in ended.report.reason
     assert ended.report.exit_code == 3
     assert 0x0F not in {word & 0xF for _, _, word in ended.controlwords()}
 

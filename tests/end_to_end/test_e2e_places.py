@@ -77,7 +77,7 @@ BEFORE = {
     "half a gear": (drum(3, metres_per_count=lambda d: 0.3 * d.metres_per_count), "winch 3: it moves 0.3"),
     "drums of all": (
         drum(1, 2, 3, 4, metres_per_count=lambda d: 1.1 * d.metres_per_count),
-        "have all drums or gears another size",
+        "are the sizes of drums or gears",
     ),
     "two drives": (exchanged(1, 3), "winch 1: it moves cable 3"),
     "two drives that turn otherwise": (exchanged(2, 3), "The tension guard"),
@@ -129,7 +129,7 @@ def test_what_moves_while_a_person_is_at_the_platform_is_found_in_that_window(
     report = ended.check()
     assert report.outcome is Outcome.FAIL
     assert "Window i01: " in report.reason
-    assert "since the platform rested a cable slipped on its drum, or the marker" in report.reason
+    assert "since the platform was at rest, a cable slipped on its drum, or the marker" in report.reason
     assert not report.accepted
     assert len(ended.begun["Record"]) == 1, "nobody is asked to displace a platform whose cable slipped"
 

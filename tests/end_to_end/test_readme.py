@@ -59,7 +59,7 @@ def test_the_picture_above_the_output_is_of_the_same_run(outputs: dict[str, Any]
     (shown,) = re.findall(r"\((docs/pictures/\w+\.png)\)", README)
     said = pictures["description"](ROOT / shown)
     ((_, text),) = outputs["blocks"](README)
-    first = text[: text.index("Free of the choice of P")]
+    first = text[: text.index("Independent of the choice of P")]
     rows = {name: float(value) for name, value in PRINTED.findall(first)}
     assert set(rows) >= {"s_x", "s_y", "s_z"}
     found = re.search(r"s = \((.*?)\) mm", said)

@@ -123,7 +123,7 @@ def test_mistakes_are_sentences(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(fl.FidimError, match="no pose_from='moccap'; available: mocap"):
         fl.identify(folder, pose_from="moccap")  # type: ignore[arg-type]
     for wrong in (3, fl.load_robot("irma4")):
-        with pytest.raises(fl.FidimError, match="is no campaign"):
+        with pytest.raises(fl.FidimError, match="is not a campaign"):
             fl.explain(wrong)  # type: ignore[arg-type]
     with pytest.raises(fl.FidimError, match="equilibria=0"):
         fl.simulate("irma4", tmp_path / "empty", equilibria=0)

@@ -157,9 +157,9 @@ def test_an_emergency_stop_while_paused_is_one_too(world, lab, control, tmp_path
 @pytest.mark.parametrize(
     ("step", "verb", "why"),
     [
-        ("Enable", Verb.SKIP, "belongs to no window"),
+        ("Enable", Verb.SKIP, "does not belong to a window"),
         ("MoveTo", Verb.RESUME, "not paused"),
-        ("CheckWindow", Verb.RETRY, "being finished"),
+        ("CheckWindow", Verb.RETRY, "just ending"),
     ],
 )
 def test_what_cannot_be_done_now_is_refused_with_why(step, verb, why, world, lab, control, tmp_path):

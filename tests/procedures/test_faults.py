@@ -65,7 +65,7 @@ FAULTS = {
     ),
     "silent drive": (
         lambda w: setattr(w.winches[0], "silent_since", w.now()),
-        "winch 1 does not answer for 0.2",
+        "winch 1 has not answered for 0.2",
     ),
     "drive drops out": (
         lambda w: setattr(w.winches[3], "state", DriveState.SWITCHED_ON),
@@ -73,7 +73,7 @@ FAULTS = {
     ),
     "unknown state": (
         lambda w: setattr(w.winches[3], "state", DriveState.UNKNOWN),
-        "winch 4 does not answer for 0.0",
+        "winch 4 has not answered for 0.0",
     ),
     "overload": (lambda w: setattr(w.winches[2], "tension", 300.0), "cable 3 has 300.0 N, over 250 N"),
 }
@@ -102,7 +102,7 @@ def test_a_guard_stops_all_winches_at_once_and_names_the_cause(world, lab, tmp_p
     assert report.held == (fault != "silent drive")
     if fault == "silent drive":
         assert "cut the power by hand" in report.held_says
-        assert "winch 1 was not seen to stop (does not answer" in report.held_says
+        assert "winch 1 was not seen to stop (has not answered" in report.held_says
 
 
 def test_a_slack_cable_while_recording_stops_the_run_and_keeps_the_rows(world, lab, tmp_path):
@@ -132,7 +132,7 @@ def test_a_motor_that_creeps_is_stopped_in_any_step(world, lab, tmp_path, step):
 
     world.at(step, creep)
     report = world.run(lab.one, tmp_path / "run")
-    assert "winch 1 is +3.0 mm from where it was told to be, 3 mm is allowed" in report.reason
+    assert "winch 1 is +3.0 mm from its commanded position, 3 mm is allowed" in report.reason
     assert all(w.commands[-1] == "quick_stop" for w in world.winches)
     assert report.accepted == ()
 
@@ -152,14 +152,14 @@ def test_a_marker_lost_for_a_fifth_of_a_second_rejects_the_window_and_records_it
         assert sum(",,,,1.5" in line for line in lines) == pytest.approx(20, abs=1)
     if how == "silent_until":
         assert sum(line.endswith("," * 11) for line in lines) == pytest.approx(20, abs=1)
-    assert "Not good: longest gap" in world.operator.asked[1].text
+    assert "Not accepted: longest gap" in world.operator.asked[1].text
 
 
 @pytest.mark.parametrize(
     ("how", "says"),
     [
         ("blank_until", "the main marker is lost for 3.0"),
-        ("frozen_until", "the main marker is frozen in its place for 3.0"),
+        ("frozen_until", "the main marker is frozen for 3.0"),
         ("silent_until", "no frame has come from motion capture for 3.0"),
     ],
 )
@@ -195,7 +195,7 @@ def test_a_window_is_given_up_after_four_attempts_and_the_next_one_recorded(worl
     assert report.outcome is Outcome.FAIL
     assert report.windows[0].outcome is Outcome.FAIL
     assert report.windows[0].attempts == 4
-    assert "rejected 4 times, at last: amplitude (peak to peak) is " in report.windows[0].reason
+    assert "rejected 4 times, the last time: amplitude (peak to peak) is " in report.windows[0].reason
     assert "1 of 2 windows accepted" in report.reason
     assert [row.id for row in report.accepted] == ["i02"]
     assert len(list((tmp_path / "run" / "rejected").glob("*.csv"))) == 4

@@ -78,7 +78,7 @@ def test_the_list_is_printed_without_hardware(lab, irma4):
     assert "[i01] move to lengths 1.500 1.400 1.400 1.400 m, at most 0.1 m/s" in text
     assert "[i02] record 10 s" in text
     assert text.splitlines()[-2].endswith("end: 2 windows, all winches held")
-    assert "takes 0:01:16 to 0:02:23, by how soon the platform rests" in text.splitlines()[-1]
+    assert "takes 0:01:16 to 0:02:23, depending on how soon the platform rests" in text.splitlines()[-1]
     assert outline.seconds == pytest.approx(sum(step.seconds for step in outline.steps))
     assert [type(s).__name__ for s in outline.steps].count("Record") == 2
 
@@ -147,7 +147,7 @@ def test_a_person_answers_at_the_console(typed, answer):
     assert answers == [answer]
     assert shown[0] == "Go on? [done, skip, abort] "
     if typed.startswith(b"x"):
-        assert "“x” is none of done, skip, abort.\n" in shown
+        assert "“x” is not one of done, skip, abort.\n" in shown
 
 
 def test_the_end_of_the_input_aborts():

@@ -118,7 +118,7 @@ def test_a_platform_that_was_not_brought_to_it_is_asked_for_again(lab, world, tm
     assert report.outcome is Outcome.FAIL
     asked = [prompt.text for prompt in world.operator.asked if prompt.kind is PromptKind.HANG_IN]
     assert len(asked) == 4
-    assert "Not good: not held still aside after 2 s: displacement is" in asked[1]
+    assert "Not accepted: not held still away from rest after 2 s: displacement is" in asked[1]
     assert release.state is ReleaseState.RELEASED
     assert "Record" not in steps(world)
 
@@ -177,11 +177,11 @@ def test_load_cells_that_fall_silent_leave_blanks_and_are_told_of(lab, world, tm
     report = world.run(lab.one, tmp_path / "run")
     assert report.outcome is Outcome.PASS, report.reason
     told = [event.trip.says for event in world.events if isinstance(event, Warned)]
-    assert "load cells has told nothing for 0.3" in told[0]
+    assert "load cells has sent nothing for 0.3" in told[0]
     rejected = reaction is Reaction.REJECT_WINDOW
     file = "rejected/i01-attempt1.csv" if rejected else "windows/i01.csv"
     f1 = read_window_csv(tmp_path / "run" / file, 4).further["f1"]
     assert f1[:500] == pytest.approx(61.0)
     assert (f1[540:] != f1[540:]).all()  # blank
     reasons = [e.result.reason for e in world.events if isinstance(e, StepFinished) and "check" in e.step.text]
-    assert any("load cells has told nothing" in reason for reason in reasons) == rejected
+    assert any("load cells has sent nothing" in reason for reason in reasons) == rejected

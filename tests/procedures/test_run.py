@@ -94,7 +94,7 @@ def test_a_listener_that_raises_disturbs_nothing_and_the_report_says_so(world, l
     report = world.run(lab.one, tmp_path / "run", listeners=(broken, world.hear))
     assert report.outcome is Outcome.PASS
     assert isinstance(heard[-1], RunFinished), "the end reaches it all the same"
-    assert report.reason.endswith("What follows the run failed, a bug of fidim-lab: ValueError: a bug in a view.")
+    assert report.reason.endswith("which is a bug of fidim-lab: ValueError: a bug in a view.")
 
 
 def test_all_winches_arrive_together(world, lab, tmp_path):

@@ -55,7 +55,7 @@ def test_any_dictionary_is_refused_before_power_or_walks(tmp_path_factory, lacks
     walked = walk(winch_config(path, DriveFamily(), load=load, mode=mode, proofs=proofs))
     if walked.problem:
         assert walked.stage in BEGUN, walked
-        assert "refused, it may not have power" in walked.problem or "holds no objects" in walked.problem
+        assert "refused, it must not be switched on" in walked.problem or "holds no objects" in walked.problem
     else:
         assert walked.stage == "power off"
 

@@ -307,7 +307,7 @@ def test_a_period_that_60c2_cannot_say_is_refused():
         async with Hall(config(), sync_rate=300.0) as hall:
             await hall.winches[0].configure()
 
-    with pytest.raises(SetupError, match=r"a period of 0\.00333333 s cannot be told"):
+    with pytest.raises(SetupError, match=r"a period of 0\.00333333 s cannot be set"):
         run(main())
 
 

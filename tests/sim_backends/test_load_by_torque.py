@@ -85,6 +85,6 @@ def test_current_as_ever():
 
 @pytest.mark.parametrize("lacking", ["rated_torque", "torque_constant"])
 def test_a_torque_needs_its_rated_value_and_the_motors_constant(lacking):
-    with pytest.raises(SetupError, match="a torque is told as a part of the rated one"):
+    with pytest.raises(SetupError, match="reports torque as a fraction"):
         config(**{lacking: None})
     assert math.isfinite(config(**{lacking: None, "load": Load.CURRENT}).ampere_per_mille)

@@ -34,7 +34,7 @@ _POWERED = (
 )
 HAS_POWER = "the drive has power already"
 CLEARED = (
-    "Some drives do not start while an error stands. Find its cause; secure the load, then: fidim power-off RIG "
+    "Some drives do not start while an error is active. Find its cause; secure the load, then: fidim power-off RIG "
     "--acknowledge NAME. If the error stays, switch the drive's supply off and on."
 )
 """No NMT reset is sent by itself: with the error a drive may lose what it counted, and only a person knows the load"""
@@ -97,7 +97,7 @@ def refuse_grades(config: WinchConfig, grades: tuple[Graded, ...]) -> None:
     if wrong := refusals(grades, on_trial=config.on_trial):
         raise DeviceError(
             config.device,
-            "refused, it may not have power: " + "; ".join(wrong) + ".",
+            "refused, it must not be switched on: " + "; ".join(wrong) + ".",
             hint="Use the EDS file of this drive and its firmware; docs/rig.md, Bring your drive, says what each is.",
         )
 
@@ -122,7 +122,7 @@ def _refuse(config: WinchConfig, checks: Iterable[SettingCheck]) -> None:
     if wrong:
         raise DeviceError(
             config.device,
-            "refused, it may not have power: " + "; ".join(wrong) + ".",
+            "refused, it must not be switched on: " + "; ".join(wrong) + ".",
             hint="Correct the rig file, or choose what this drive supports.",
         )
 
@@ -255,7 +255,7 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
         ok = await link.sdo.read(0x6060) == wanted
         name += " until it is enabled"
     elif found == Mode.NONE:
-        name += ", of a drive that its family does not say to show it only when enabled (mode_shown)"
+        name += "; its family file does not say that it shows the mode only when enabled (mode_shown)"
     return SettingCheck("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
 
 
@@ -281,7 +281,7 @@ async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchCon
     if link.twins.says:
         raise DeviceError(
             config.device,
-            f"two nodes answer with id {config.node_id} ({link.twins.says}); neither may have power.",
+            f"two nodes answer with id {config.node_id} ({link.twins.says}); neither may be switched on.",
             hint="Unplug one, or give it an id of its own (its DIP switches, LSS or the vendor's tool).",
         )
     link.brought_up = True

@@ -19,7 +19,7 @@ from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 from drivers.ports import DriveState
 
 HOME = "fidim run PLAN --rig RIG --procedure home"
-FACTORS = "correct the rig file or the drive; what a drive tells and does not use: absent, in a family file"
+FACTORS = "correct the rig file or the drive; an object that it has but does not use: absent, in a family file"
 _AT_REST = (DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.NOT_READY)
 _HIGHEST_MAPPED = 8
 
@@ -78,7 +78,7 @@ async def _setting(sdo: SdoChannel, setting: Setting) -> InspectedObject:
     try:
         value = await sdo.read(setting.index, setting.sub)
     except SdoRefusedError as error:
-        advice = "this drive lacks what a stop without the host rests on" if setting.write else mend
+        advice = "this drive lacks what it needs to stop without the host" if setting.write else mend
         return InspectedObject(setting.object, setting.meaning, setting.words, error.reason, Standing.WRONG, advice)
     found = f"0x{value:X}" if setting.words.startswith("0x") else str(value)
     if setting.holds(value):
@@ -94,7 +94,7 @@ async def _setting(sdo: SdoChannel, setting: Setting) -> InspectedObject:
 async def _sto(link: NodeLink, sto: Signal) -> InspectedObject:
     name, meaning, wanted = f"{INPUTS:04X}:0", "safe torque off (STO)", f"not active (bit {sto.bit})"
     if not link.able.has(INPUTS):
-        advice = "this drive does not tell its inputs: leave sto out of the rig file"
+        advice = "this drive does not report its inputs: remove sto from the rig file"
         return InspectedObject(name, meaning, wanted, "not in the EDS file", Standing.WRONG, advice)
     if sto.is_active(await link.sdo.read(INPUTS)):
         return InspectedObject(name, meaning, wanted, "active", Standing.WRONG, STO_HINT)
@@ -107,7 +107,7 @@ async def _state(sdo: SdoChannel) -> InspectedObject:
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
         advice = "find the cause, then reset the fault"
     elif state not in _AT_REST:
-        advice = "another program drives it, or has left it: secure the load, then fidim power-off"
+        advice = "another program uses it, or left it switched on: secure the load, then fidim power-off"
     standing = Standing.WRONG if advice else Standing.HOLDS
     return InspectedObject("6041:0", "state of the drive", "without power, no fault", str(state), standing, advice)
 

@@ -22,7 +22,7 @@ from drivers.cia402.wire.strangers import ALL_NODES, END_IT, Strangers
 from drivers.ports import Clock, DriveState
 from fidim_lab.errors import BusError, DeviceError
 
-NOT_TAKEN_OVER = "it holds the load, but not as the rig file wants it"
+NOT_TAKEN_OVER = "it holds the load, but with other settings than the rig file"
 _LOOK = 0.01
 """s between two questions by SDO"""
 _STANDSTILL = 0.005

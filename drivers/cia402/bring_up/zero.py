@@ -38,10 +38,10 @@ def zero_check(zero: StoredZero, serial_number: int, count: int) -> SettingCheck
         if zero.serial_number:
             return SettingCheck(OBJECT, MEANING, "multi-turn", f"{count}, drive {serial_number}", ok=True)
         return SettingCheck(
-            OBJECT, MEANING, "a serial number", "none, so nothing proves whose zero it is: home it", ok=False
+            OBJECT, MEANING, "a serial number", "none, so the zero cannot be assigned to this drive: home it", ok=False
         )
     if zero.last_count is None:
-        return SettingCheck(OBJECT, MEANING, "a place where it was seen last", "none: home it", ok=False)
+        return SettingCheck(OBJECT, MEANING, "a last known position", "none: home it", ok=False)
     off = wrap32(count - zero.last_count)
     ok = abs(off) <= zero.tolerance
     found = str(count) if ok else f"{count}: its power was off, or the drum was turned; home it"

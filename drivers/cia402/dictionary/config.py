@@ -259,7 +259,9 @@ class WinchConfig:
         if not 1 <= self.node_id <= 126:
             found.append(f"node_id: {self.node_id} found, allowed is 1 to 126 (127 is the host's)")
         if self.load is Load.TORQUE and not (self.rated_torque and self.torque_constant):
-            found.append("rated_torque, torque_constant: are missing; a torque is told as a part of the rated one")
+            found.append(
+                "rated_torque, torque_constant: are missing; the drive reports torque as a fraction of the rated torque"
+            )
         if self.mode not in MOVING_MODES:
             found.append(f"mode: {self.mode!r} found, allowed are profile position and cyclic position")
         if self.direction not in (-1, 1):

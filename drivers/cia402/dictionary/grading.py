@@ -89,7 +89,7 @@ def _grade(
             return Graded(requirement, Met.ABSENT, able.layout.problem)
         carried = able.layout.tells(Mappable.VELOCITY.name)
         return Graded(requirement, Met.CONFIGURED, "PDOs" if carried else "PDOs; no 606C: speed by the positions")
-    if requirement.key == "load told":
+    if requirement.key == "load reported":
         return _load(requirement, able, config)
     lacks: list[str] = []
     if requirement.key == "position command" and (says := _without_mode(config.mode, told)):

@@ -100,17 +100,17 @@ REQUIREMENTS: tuple[Requirement, ...] = (
     Requirement("position limits", _GOOD, (("607D:1", "607D:2"),), "each target is checked; smaller allowed area"),
     Requirement("speed limit", _GOOD, (("607F:0",),), "each move's speed is checked, and the motion guard watches it"),
     Requirement("current limit", _GOOD, (("6073:0",), ("6072:0",)), "the tension guard stops"),
-    Requirement("deceleration of its own", _GOOD, (("6084:0",),), "6083 is for both ramps"),
+    Requirement("separate deceleration", _GOOD, (("6084:0",),), "6083 is for both ramps"),
     Requirement("following-error time", _GOOD, (("6066:0",),), "the drive's own"),
     Requirement("communication error", _GOOD, (("1029:1",),), "the drive's own; samples that stop are seen"),
-    Requirement("load told", _GOOD, (), "no run: the tension guard stops it, for nothing tells that tension"),
+    Requirement("load reported", _GOOD, (), "no run is possible, since the tension would be unknown"),
     Requirement(
-        "heartbeat of the drive", _GOOD, (("1017:0",), ("100C:0",)), "its samples at each SYNC show that it lives"
+        "heartbeat of the drive", _GOOD, (("1017:0",), ("100C:0",)), "its samples at each SYNC show that it works"
     ),
-    Requirement("following error told", _GOOD, (("60F4:0",),), "the motion guard compares encoder and command"),
-    Requirement("rated current", _GOOD, (("6075:0",),), "the rig file's word is taken"),
+    Requirement("following error reported", _GOOD, (("60F4:0",),), "the motion guard compares encoder and command"),
+    Requirement("rated current", _GOOD, (("6075:0",),), "the value of the rig file is used"),
     Requirement("supported modes", _GOOD, (("6502:0",),), "the displayed mode (6061) counts"),
-    Requirement("serial number", _GOOD, (("1018:4",),), "the first jog shows drives that changed places"),
+    Requirement("serial number", _GOOD, (("1018:4",),), "the first moves show exchanged drives"),
     Requirement("jerk limit", _GOOD, (("60A4:1",), ("6086:0",)), "ramps are trapezoids"),
 )
 """6502 and all other values are compared with the drive where they are there; `grading` grades one drive"""

@@ -166,7 +166,7 @@ def interpolation(config: WinchConfig, period: float) -> tuple[Setting, ...]:
             meaning = "interpolation period"
             return Setting(0x60C2, 1, round(mantissa), meaning), Setting(0x60C2, 2, exponent, f"{meaning}, power of 10")
     raise SetupError(
-        f"bus, sync_rate: a period of {period:g} s cannot be told to drives in cyclic position mode.",
+        f"bus, sync_rate: a period of {period:g} s cannot be set in drives in cyclic position mode.",
         hint="Use a rate such as 100, 125, 200, 250, 400 or 500 Hz.",
     )
 

@@ -138,7 +138,7 @@ class Drive:
                 await self._display_or_power_off(order)
         raise DeviceError(
             self._config.device,
-            f"falls back again and again on the way to {goal}: {_describe(self.link.values, self._clock.now())}.",
+            f"repeatedly falls back on the way to {goal}: {_describe(self.link.values, self._clock.now())}.",
         )
 
     async def reach(self, order: int, state: DriveState, *, after: Command) -> None:
@@ -263,7 +263,7 @@ class Drive:
 
 
 def _overtaken(config: WinchConfig) -> DeviceError:
-    return DeviceError(config.device, "this command was overtaken by a later one.")
+    return DeviceError(config.device, "this command was replaced by a later one.")
 
 
 def _describe(values: DriveValues | None, now: float) -> str:

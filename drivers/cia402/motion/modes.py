@@ -129,7 +129,7 @@ async def _until_taut(winch: Cia402Winch, start: float, speed: float, way: float
         velocity = abs(winch.config.cable_speed(values.velocity))
         gone = start - await winch.ask_length()
         if gone < -GIVES_WAY:
-            raise DeviceError(device, f"its cable is paid out ({-gone * 1e3:.0f} mm): it carries more than the torque.")
+            raise DeviceError(device, f"its cable is paid out ({-gone * 1e3:.0f} mm): its load exceeds the torque.")
         if velocity > RUNS_AWAY * speed:
             raise DeviceError(device, f"its drum runs away at {velocity:.3f} m/s; {speed:g} m/s was allowed.")
         if gone > way or clock.now() > deadline:

@@ -126,7 +126,7 @@ class Cia402Winch:
         if lost := await forgotten(self.link, self.config, self._master.host_id):
             raise DeviceError(
                 self.config.device,
-                f"has forgotten its settings, so that it must have restarted: {'; '.join(lost)}.",
+                f"has lost its settings, so it must have restarted: {'; '.join(lost)}.",
                 hint="Configure it again.",
             )
         self.stands()

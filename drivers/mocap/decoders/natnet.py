@@ -94,7 +94,7 @@ class NatNetDecoder:
         if what != FRAME:
             return []
         if self._version is None:
-            return [Malformed("NatNet: a frame before the server has told its version")]
+            return [Malformed("NatNet: a frame before the server has sent its version")]
         if self._version < OLDEST:
             found, oldest = _text(self._version), _text(OLDEST)
             return [Malformed(f"NatNet {found}: this program reads {oldest} (Motive 2.0) and later")]
@@ -122,7 +122,7 @@ class NatNetDecoder:
 
     def _told(self, body: bytes) -> list[Event]:
         if len(body) < _VERSIONS + 2:
-            return [Malformed(f"NatNet: the server tells of itself in {len(body)} bytes")]
+            return [Malformed(f"NatNet: the server's description has {len(body)} bytes")]
         self._version = (body[_VERSIONS], body[_VERSIONS + 1])
         return []
 

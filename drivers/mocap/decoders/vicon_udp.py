@@ -175,7 +175,7 @@ class ViconUdpDecoder:
                 if not plausible(item.translation):
                     return [Malformed(f"frame {block.number}: '{item.name}' is more than a kilometre away")]
                 if poses.setdefault(item.name, item) != item:
-                    return [Malformed(f"frame {block.number}: '{item.name}' is there twice: two senders, or names?")]
+                    return [Malformed(f"frame {block.number}: '{item.name}' occurs twice: two senders, or names?")]
         return [DecodedFrame(block.number, self.layout.markers(poses))]
 
     def restart(self) -> None:

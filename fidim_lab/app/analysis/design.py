@@ -93,11 +93,13 @@ def _task(options: DesignOptions) -> tuple[Path, Robot, DesignTask]:
         bodies=_wrong_bodies(robot, options.robust, options.seed),
     )
     if options.robust and options.criterion == Criterion.C:
-        raise SetupError("--robust averages A or D over bodies; C knows no body.", hint="Add --criterion A or D.")
+        raise SetupError("--robust averages A or D over bodies; C does not use a body.", hint="Add --criterion A or D.")
     if options.study and options.by_winches:
-        raise SetupError("--study asks what hands can do; --by-winches designs one plan.", hint="Give one of them.")
+        raise SetupError(
+            "--study compares displacements by hand; --by-winches designs one plan.", hint="Give one of them."
+        )
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
-        raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
+        raise SetupError(f"{options.out} is not empty; it was not changed.", hint="Choose another --out.")
     return path, robot, task
 
 
@@ -223,7 +225,7 @@ def _lines(found: Design, options: DesignOptions) -> list[str]:
         "predicted sd  "
         + ", ".join(f"{name} {sd:.1e}" for name, sd in zip(PARAMETER_NAMES, found.predicted_sd, strict=True)),
         *_by_winches(found),
-        f"time        {found.seconds:.1f} s; {found.pool} random windows to begin from",
+        f"time        {found.seconds:.1f} s; {found.pool} random windows as a start",
     ]
     if options.out is not None:
         lines.append(f"written     {options.out / 'plan.toml'}, design.json, equilibria.svg")

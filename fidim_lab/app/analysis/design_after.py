@@ -66,16 +66,16 @@ def after_command(options: AfterOptions) -> int:
     folder = options.campaign or options.after.parent
     if not (folder / "campaign.toml").exists():
         raise SetupError(
-            f"{folder} is no campaign; odds depend on what has been recorded.", hint="Say which: --campaign FOLDER."
+            f"{folder} is not a campaign; odds depend on what has been recorded.", hint="Say which: --campaign FOLDER."
         )
     if options.out is not None and options.out.is_dir() and any(options.out.iterdir()):
-        raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
+        raise SetupError(f"{options.out} is not empty; it was not changed.", hint="Choose another --out.")
     campaign = read_campaign(folder)
     known = _known_so_far(options.after)
     _require_its_campaign(options.after, known.campaign, folder, campaign)
     claims = [] if known.explained is None else claims_of(known.explained)
     _require_criterion(options, claims)
-    with console.err.status("looking at windows that could be recorded"):
+    with console.err.status("searching windows that could be recorded"):
         if known.explained is None or not claims:
             found = _for_the_body(campaign, known, options)
         else:
@@ -98,7 +98,7 @@ def _require_its_campaign(file: Path, name: str, folder: Path, campaign: Campaig
 def _require_criterion(options: AfterOptions, claims: list[Claim]) -> None:
     if options.criterion is Criterion.C:
         raise SetupError(
-            "--criterion C knows no body, and --after asks what is still unknown of one.",
+            "--criterion C does not use a body, and --after asks what is still unknown about it.",
             hint="Give A or D, or leave it out (A).",
         )
     if options.criterion is not None and claims:
@@ -150,7 +150,7 @@ class _Known(NamedTuple):
 def _known_so_far(path: Path) -> _Known:
     found = read_json(path)
     if not isinstance(found, dict):
-        raise FileError(path, "", "is no JSON object", hint="An explanation or a result is expected.")
+        raise FileError(path, "", "is not a JSON object", hint="An explanation or a result is expected.")
     if found.get("format") == "fidim-explanation/1":
         explained = read_explanation(path)
         body = np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
@@ -162,8 +162,10 @@ def _known_so_far(path: Path) -> _Known:
 def _question(explained: ExplanationTable | None) -> list[str]:
     """What is in question, where no effect is to be told from another."""
     if explained is None or explained.verdict in (Verdict.NOTHING_MISSING, Verdict.EXPLAINED):
-        return ["Nothing is in question but the body."]
-    said = f"The verdict is {explained.verdict.value}: no window can be chosen to tell apart what has no rival by name."
+        return ["No effect is in question; a window is chosen for the body."]
+    said = (
+        f"The verdict is {explained.verdict.value}: no window can be chosen to separate effects, since none is named."
+    )
     return [said, *([explained.next_experiment] if explained.next_experiment else [])]
 
 
@@ -232,7 +234,7 @@ def _known_lines(known: NextWindow) -> list[str]:
         f"{name} {before:.1e} → {after:.1e}"
         for name, before, after in zip(PARAMETER_NAMES, known.sd_before, known.sd_after, strict=True)
     )
-    return ["The window that tells most about the body:", f"predicted sd  {parts}"]
+    return ["The most informative window about the body:", f"predicted sd  {parts}"]
 
 
 def proposed_table(plan: Plan, notes: Sequence[tuple[str, ...]]) -> Table:
@@ -247,7 +249,7 @@ def proposed_table(plan: Plan, notes: Sequence[tuple[str, ...]]) -> Table:
 def closing(plan: Plan, out: Path | None) -> list[str]:
     """What was written, and what comes next. out: the folder, where one was asked for."""
     if not plan.windows:
-        why = "no window that can be recorded is likely to tell apart what is in question"
+        why = "no window that can be recorded is likely to separate the effects in question"
         return [f"written     {out / ANSWER}; no {PLAN}: {why}"] if out is not None else [f"plan        none: {why}"]
     if out is None:
         return [f"plan        not written: --out FOLDER makes {PLAN} of these windows, for fidim run"]

@@ -80,7 +80,7 @@ def _parts(explanation: Explanation) -> list[RenderableType]:
 def effect_table(cause: NamedCause) -> Table:
     """One named effect with its parameters."""
     place = "" if cause.cable is None else f" of cable {cause.cable}"
-    alike = f"; not to be told from {', '.join(cause.equivalent_to)}" if cause.equivalent_to else ""
+    alike = f"; cannot be separated from {', '.join(cause.equivalent_to)}" if cause.equivalent_to else ""
     return _sizes_table(f"{cause.id}{place}: {cause.says}{alike}", cause.parameters)
 
 

@@ -55,7 +55,7 @@ def parameter_table(result: IdentificationResult) -> Table:
 
 def gauge_table(result: IdentificationResult) -> Table:
     """What does not depend on where P is put: s_z from the attachment plane, and I about G."""
-    table = Table(title="Free of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
+    table = Table(title="Independent of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
     console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
     s_z, plane = result.parameters["s_z"], result.attachment_plane
     relative = InertialParameter(
@@ -72,10 +72,10 @@ def window_table(result: IdentificationResult) -> Table:
     expected = None
     if result.sigma_W is not None:
         expected = expected_sigma_perp(result.sigma_W, result.body, result.freedoms)
-    scale = (
-        "" if result.sigma_W is None else f"; σ_W = {result.sigma_W:.3g}, so σ⊥ ≈ {expected:.3g} is as good as fitted"
+    scale = "" if result.sigma_W is None else f"; σ_W = {result.sigma_W:.3g}, so σ⊥ ≈ {expected:.3g} is expected"
+    table = Table(
+        title=f"Windows (σ⊥: residual of the equations of motion{scale}; rms and χ²/dof: of the predicted motion)"
     )
-    table = Table(title=f"Windows (σ⊥: of the equations of motion{scale}; rms and χ²/dof: of the predicted motion)")
     console.columns(table, "window", "role", "pose from", "samples", "σ⊥", "rms, mm", "χ²/dof", "conditioning")
     for window in result.windows:
         table.add_row(*_window_cells(window))
@@ -104,7 +104,7 @@ def _cells(name: str, parameter: InertialParameter) -> tuple[str, ...]:
     size = abs(parameter.value)
     digits = _decimals(parameter.sd)
     if not parameter.seen:
-        return (name, f"{millimetres(parameter.nominal):.3f}", "not seen", "", "", "")
+        return (name, f"{millimetres(parameter.nominal):.3f}", "not determined", "", "", "")
     return (
         name,
         f"{millimetres(parameter.nominal):.3f}",

@@ -54,7 +54,7 @@ def _from_own_sensors(
     folder: Path, poses: PoseSource, method: str | None, json_file: Path | None, report: Path | None, *, paper: bool
 ) -> int:
     if paper or report is not None:
-        raise SetupError(f"--pose-from {poses.value} goes with neither --paper nor --report: both are about markers.")
+        raise SetupError(f"--pose-from {poses.value} cannot be used with --paper or --report, which are about markers.")
     if method is not None:
         method_named(method)
     with Working("identifying from own sensors", windows_of(folder)):

@@ -54,7 +54,7 @@ def summary(found: JointResult) -> RenderableType:
 
 def cross_table(found: JointResult) -> Table:
     """Fitted on some, predicted on the others."""
-    table = Table(title="Fitted on some campaigns, predicted on others (only starts are fitted anew)")
+    table = Table(title="Fitted on some campaigns, predicted on others (only the initial states are fitted again)")
     console.columns(table, *COLUMNS, left=2)
     for row in cross_rows(found):
         table.add_row(*(escape(cell) for cell in row))

@@ -57,7 +57,7 @@ def _place(text: str) -> np.ndarray:
     if values.shape != (3,) or not np.isfinite(values).all():
         raise SetupError(f"--at {text}: three numbers X,Y,Z in metres are expected, for example 0,0.1,0.05.")
     if np.abs(values).max() > 10:
-        raise SetupError(f"--at {text}: metres are expected; {np.abs(values).max():g} m is far off any platform.")
+        raise SetupError(f"--at {text}: metres are expected; {np.abs(values).max():g} m is too far from any platform.")
     return values
 
 
@@ -124,7 +124,7 @@ def mass_sentences(found: MassResult, payload: Payload) -> list[str]:
             "and what the model lacks."
         )
     if found.with_inertia is None:
-        said.append("The inertia finds no mass: the payload is no point, or the model lacks something.")
+        said.append("The inertia gives no mass: the payload is not a point, or the model lacks something.")
     else:
         said.append(_about_inertia(found, found.with_inertia, payload))
     return said
@@ -134,7 +134,7 @@ def _about_inertia(found: MassResult, other: MassEstimate, payload: Payload) -> 
     apart = abs(other.value - found.mass.value) / max(found.mass.sd, 1e-300)
     agrees = "agrees with it" if apart < 3 else f"differs from it by {apart:.1f} sd: the payload is not a point"
     gain = (
-        f"would lessen the sd to {other.sd:.2g} kg if the payload's {payload.mass:g} kg were a point"
+        f"would reduce the sd to {other.sd:.2g} kg if the payload's {payload.mass:g} kg were a point"
         if found.inertia_helps
         else "does not help"
     )

@@ -128,7 +128,7 @@ def _simulate(robot: Robot, platform: SimulatedPlatform, options: SimulateOption
             return _recorded(robot, read_plan_or_design(options.plan, robot.n), platform, options)
     wanted = options.equilibria + options.validation
     name = options.out.resolve().name
-    with _Progress("planning: places where the robot can rest and swing", wanted) as shown:
+    with _Progress("planning equilibria with room to swing", wanted) as shown:
         numbers = (options.equilibria, options.validation, options.seed)
         plan = random_plan(robot, name, *numbers, taste=WITHIN_LIMITS, progress=shown.reached, trial=_trial(platform))
     done = _recorded(robot, plan, platform, options)
@@ -175,7 +175,7 @@ def _recorded(robot: Robot, plan: Plan, platform: SimulatedPlatform, options: Si
     if options.noise is not None:
         noise = replace(noise, marker=options.noise)
     recorded: list[RecordedWindow] = []
-    with _Progress("recording in the simulated world", len(plan.windows)) as shown:
+    with _Progress("simulating", len(plan.windows)) as shown:
 
         def watch(window: RecordedWindow) -> None:
             recorded.append(window)

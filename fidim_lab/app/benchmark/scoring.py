@@ -61,7 +61,7 @@ def grade_without(explanation: dict[str, Any] | None, hidden: str = "", cable: i
     """Judge an explanation of something that its catalogue lacks, the effect `hidden` (with its cable).
 
     right: it is called unknown. class: neighbours are named, none of them as the only one; or it belongs to the
-    geometry, and that is told to be clearly off (at its cable). wrong: a name that claims odds over 20 is wrong and
+    geometry, and that is reported to be clearly off (at its cable). wrong: a name that claims odds over 20 is wrong and
     sure; so is any other "nothing is missing".
     """
     if explanation is None:

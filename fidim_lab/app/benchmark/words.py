@@ -28,8 +28,8 @@ verdict "partly-explained"."""
 
 WITHOUT = """\
 Every campaign hides {effect}, which the catalogue lacked: physics that nobody listed. Right: called unknown. By
-class: neighbours are named, none of them as the only one, or it is one of the geometry, and that is told to be clearly
-off. Wrong: a name that claims odds over 20, or any other "nothing is missing"."""
+class: neighbours are named, none of them as the only one, or it is one of the geometry, and that is reported to be
+clearly off. Wrong: a name that claims odds over 20, or any other "nothing is missing"."""
 
 
 COUNTS = ("campaigns", "right", "by class", "wrong", "right or by class (95 %)")

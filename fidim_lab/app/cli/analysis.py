@@ -1,4 +1,4 @@
-"""Commands that compute: identify, explain, design and what proves them.
+"""Commands that compute: identify, explain, design, and the benchmarks.
 
 Modules are imported when their command runs: `fidim --help` stays quick.
 """
@@ -19,13 +19,15 @@ from fidim_lab.mismatch.selection.budget import PATIENCE
 @fidim.command()
 @click.argument("campaigns", type=FOLDER, nargs=-1, required=True)
 @click.option("--out", type=OUT_FILE, required=True, help="Robot file to write, in the frame of the motion capture.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-registration/1".')
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-registration/1").'
+)
 @example("fidim register session-1 session-2 --out registered.toml --json registration.json")
 def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> None:
-    """Place capture frame, markers and encoder zeros of CAMPAIGNS against their robot file.
+    """Fit capture frame, markers and encoder zeros of CAMPAIGNS to their robot file.
 
-    Writes the robot file with anchors, swivels and gravity in the frame of the motion capture: recordings stay as they
-    are. Says which anchor, marker or encoder disagrees.
+    Writes a robot file with anchors, swivels and gravity in the frame of the motion capture; the recordings are not
+    changed. Reports which anchor, marker or encoder disagrees.
     """
     from fidim_lab.app.analysis.register import register_command
 
@@ -34,22 +36,35 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
 
 @fidim.command()
 @click.argument("campaigns", type=FOLDER, nargs=-1, required=True)
-@click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
-@click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
-@click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
-@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="Of the payload.")
-@click.option("--mass-sd", type=Number(0), default=0.0, metavar="KG", help="Its standard deviation.")
+@click.option(
+    "--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where mle cannot be used."
+)
+@click.option(
+    "--paper",
+    is_flag=True,
+    help="Total least squares exactly as in the paper, beside the scaled and the weighted form.",
+)
+@click.option(
+    "--payload",
+    type=FOLDER,
+    default=None,
+    help="Second campaign, with a known payload; together they give the platform's mass.",
+)
+@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="Mass of the payload.")
+@click.option("--mass-sd", type=Number(0), default=0.0, metavar="KG", help="Standard deviation of --mass.")
 @click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
-@click.option("--at-sd", type=Number(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
+@click.option(
+    "--at-sd", type=Number(0), default=0.0, metavar="M", help="Standard deviation of each coordinate of --at."
+)
 @click.option(
     "--pose-from",
     "poses",
     type=click.Choice(["mocap", "swivel", "both"]),
     default="mocap",
     show_default=True,
-    help="Markers; lengths, swivel angles s1… and inclination incl_x…; or all of them, weighted.",
+    help="mocap: markers; swivel: lengths, swivel angles s1… and inclination incl_x…; both: all, weighted.",
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-result/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-result/1").')
 @click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML report.")
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
@@ -71,8 +86,8 @@ def identify(
 ) -> None:
     """Find the platform's inertial parameters from the recorded free motion in CAMPAIGNS.
 
-    Of several campaigns of one platform, with the same cables or some of them: one body and one geometry for all, and
-    how well some of them predict the others.
+    Several campaigns of one platform, on the same cables or some of them, give one body and one geometry for all, and
+    show how well each campaign predicts the others.
     """
     from fidim_lab.app.analysis.identify import identify_command
     from fidim_lab.app.analysis.payload import parse_payload, payload_command
@@ -88,7 +103,7 @@ def identify(
         source = PoseSource(poses)
         sys.exit(identify_command(campaign, method, json_file, report, paper=paper, poses=source))
     if poses != PoseSource.MOCAP:
-        raise click.UsageError("--pose-from does not go with --payload.")
+        raise click.UsageError("--pose-from cannot be used with --payload.")
     sys.exit(payload_command(campaign, known, method, json_file, report, paper=paper))
 
 
@@ -98,18 +113,27 @@ def identify(
     "--parameters",
     type=FILE,
     required=True,
-    help="A file of identify --json, or of explain --json: with the effects that it names.",
+    help="Result file of identify --json, or of explain --json (then with the effects that it names).",
 )
-@click.option("--all", "everything", is_flag=True, help="Judge the windows of role 'identify' too.")
-@click.option("--paper", is_flag=True, help="The σ_W in the result file is that of identify --paper.")
-@click.option("--limit", type=Number(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-validation/1".')
+@click.option("--all", "everything", is_flag=True, help="Also judge the windows of role 'identify'.")
+@click.option("--paper", is_flag=True, help="The result file was made with identify --paper, and so was its σ_W.")
+@click.option(
+    "--limit",
+    type=Number(0, min_open=True),
+    default=2.0,
+    show_default=True,
+    help="Largest χ²/dof of a window that counts as predicted.",
+)
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-validation/1").'
+)
 @example("fidim validate runs/dry-run-2 --parameters result.json")
 def validate(**options: Any) -> None:
-    """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit 1 where they do not.
+    """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit code 1 if they do not.
 
-    Only each window's initial state is fitted. A window is predicted when χ²/dof of its trajectory is at most the
-    limit; σ⊥ (Eq. 50) is shown beside σ_W, and decides (at most twice its expected value) for a window without lengths.
+    Only the initial state of each window is fitted. A window counts as predicted if χ²/dof of its trajectory is at most
+    the limit. σ⊥ (Eq. 50) is shown beside σ_W; it decides (at most twice its expected value) for a window without
+    lengths.
     """
     from fidim_lab.app.analysis.validate import ValidateOptions, validate_command
 
@@ -117,7 +141,7 @@ def validate(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--seed", default=1, show_default=True, help="Of places and noise.")
+@click.option("--seed", default=1, show_default=True, help="Random seed of poses and noise.")
 @click.option(
     "--noise",
     type=Number(0, min_open=True),
@@ -127,16 +151,25 @@ def validate(**options: Any) -> None:
     help="Standard deviation of a marker coordinate; the paper states ±0.2 mm.",
 )
 @click.option(
-    "--validate", "validation", default=22, show_default=True, type=click.IntRange(1, 60), help="Windows of Fig. 3."
+    "--validate",
+    "validation",
+    default=22,
+    show_default=True,
+    type=click.IntRange(1, 60),
+    help="Number of windows in Fig. 3.",
 )
-@click.option("--recordings", type=FOLDER, default=None, help="Folder of the paper's own takes: no simulation.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-reproduction/1".')
+@click.option(
+    "--recordings", type=FOLDER, default=None, help="Folder of the paper's own takes, used instead of a simulation."
+)
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-reproduction/1").'
+)
 @example("fidim reproduce --json reproduction.json\n      fidim reproduce --recordings grab")
 def reproduce(recordings: Path | None, **options: Any) -> None:
-    """Simulate the paper's experiment and set its equations 46, 47, 49 and figure 3 beside ours, with the reasons.
+    """Simulate the paper's experiment and compare its equations 46, 47, 49 and figure 3 with ours.
 
-    With --recordings the same from the paper's own takes, maximum likelihood beside them, and the bodies by 2, 3 and 4
-    cables against each other ("fidim-recordings-reproduction/1").
+    With --recordings the paper's own takes are used instead, also with maximum likelihood, and the bodies found on 2, 3
+    and 4 cables are compared ("fidim-recordings-reproduction/1").
     """
     if recordings is not None:
         not_with("--recordings", "seed", "noise", "validation")
@@ -149,24 +182,43 @@ def reproduce(recordings: Path | None, **options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=ROBOT, required=True, help="Robot file, or irma4: the paper's.")
+@click.option("--robot", type=ROBOT, required=True, help="Robot file, or irma4, the paper's robot.")
 @click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
-@hide_option("Hide physics in the simulated world.")
-@click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
-@click.option("--noise", type=Number(0), default=None, help="Marker noise, m; default that of the robot file.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@hide_option("Add this effect to the simulation; the model does not have it.")
 @click.option(
-    "--validate", "validation", default=6, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
+    "--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True, help="Simulator."
 )
-@click.option("--plan", type=FILE, default=None, help="Windows to record as they are, of fidim design; no random ones.")
 @click.option(
-    "--own-sensors", is_flag=True, help="Record swivel encoders s1… and an inclinometer incl_x… too, for --pose-from."
+    "--noise",
+    type=Number(0),
+    default=None,
+    help="Standard deviation of the marker noise, m; default: that of the robot file.",
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-simulation/1".')
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Random seed.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
+@click.option(
+    "--validate",
+    "validation",
+    default=6,
+    show_default=True,
+    type=click.IntRange(0, 60),
+    help="Number of held-out windows.",
+)
+@click.option(
+    "--plan",
+    type=FILE,
+    default=None,
+    help="Record this plan, for example from fidim design, instead of random windows.",
+)
+@click.option(
+    "--own-sensors", is_flag=True, help="Also record swivel encoders s1… and an inclinometer incl_x…, for --pose-from."
+)
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-simulation/1").'
+)
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
-    """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
+    """Simulate a campaign without a bus, and write the true parameters beside it."""
     if options["plan"] is not None:
         not_with("--plan", "equilibria", "validation")
     from fidim_lab.app.analysis.simulate import SimulateOptions, simulate_command
@@ -176,10 +228,15 @@ def simulate(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-explanation/1".')
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-explanation/1").'
+)
 @click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page with the proof.")
 @click.option(
-    "--pictures", type=OUT_FOLDER, default=None, help="With --report: also every picture as an SVG file, here."
+    "--pictures",
+    type=OUT_FOLDER,
+    default=None,
+    help="With --report: also write every picture as an SVG file into this folder.",
 )
 @click.option(
     "--patience",
@@ -187,9 +244,9 @@ def simulate(**options: Any) -> None:
     default=PATIENCE,
     show_default=True,
     metavar="S",
-    help="CPU seconds until what there is, is told.",
+    help="CPU seconds after which the search ends and its best answer so far is given.",
 )
-@click.option("--without", multiple=True, metavar="EFFECT", help="Explain as if the catalogue lacked this effect.")
+@click.option("--without", multiple=True, metavar="EFFECT", help="Search without this effect of the catalogue.")
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
 def explain(
     campaign: Path,
@@ -199,15 +256,15 @@ def explain(
     patience: float,
     without: tuple[str, ...],
 ) -> None:
-    """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
+    """Name the physics in CAMPAIGN that the model leaves out, and test the answer on held-out windows.
 
-    Every effect of the catalogue is tested; those that matter are fitted with the inertial parameters and accepted only
-    where windows that no fit has seen are predicted better.
+    Every effect of the catalogue is tested. Those that matter are fitted with the inertial parameters, and accepted
+    only if windows that no fit has used are predicted better.
     """
     from fidim_lab.app.analysis.explain import explain_command
 
     if pictures is not None and report is None:
-        raise click.UsageError("--pictures goes with --report.")
+        raise click.UsageError("--pictures needs --report.")
     _scored(without)
     sys.exit(explain_command(campaign, json_file, report, pictures, patience, without))
 
@@ -228,7 +285,7 @@ def _scored(effects: tuple[str, ...]) -> None:
 @click.pass_context
 @example("fidim benchmark")
 def benchmark(context: click.Context) -> None:
-    """Prove what the tool can do, on campaigns whose truth is sealed; without a name: list the benchmarks."""
+    """Measure what the tool can do, on campaigns whose truth is sealed. Without a name, list the benchmarks."""
     from fidim_lab.app.benchmark.command import BENCHMARKS
     from fidim_lab.app.terminal import console
 
@@ -238,28 +295,39 @@ def benchmark(context: click.Context) -> None:
 
 
 @benchmark.command("explain", cls=Writing)
-@click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="How many to seal.")
+@click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="Number of campaigns.")
 @click.option("--only", multiple=True, type=click.IntRange(1), help="Only the campaigns with these numbers.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of everything that is drawn.")
-@click.option("--out", type=OUT_FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Random seed of all campaigns.")
 @click.option(
-    "--validate", "validation", default=6, show_default=True, type=click.IntRange(1, 60), help="Held-out windows."
+    "--out", type=OUT_FOLDER, required=True, help="Folder of the benchmark; an interrupted benchmark is continued."
 )
-@click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds for a campaign.")
-@click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
-@click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
+@click.option(
+    "--validate",
+    "validation",
+    default=6,
+    show_default=True,
+    type=click.IntRange(1, 60),
+    help="Number of held-out windows.",
+)
+@click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds allowed for each campaign.")
+@click.option(
+    "--processes", default=None, type=click.IntRange(1), help="Number of processes; default: one for each core."
+)
+@click.option(
+    "--scheduler", default=None, metavar="ADDRESS", help="Address of a dask cluster to use instead of local processes."
+)
 @click.option(
     "--without",
     default="",
     metavar="EFFECT",
-    help="Hide it in each campaign, the catalogue lacks it; 'each': every effect in its turn.",
+    help="Hide this effect in each campaign and take it out of the catalogue; 'each': every effect in turn.",
 )
-@click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result for programs.")
-@click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a page of docs.")
+@click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result as JSON.")
+@click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a documentation page.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
-    """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
+    """Simulate campaigns with secret effects of random size in random robots, explain them blind, score the answers."""
     from fidim_lab.app.benchmark.cases import EACH
     from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command
 
@@ -268,36 +336,52 @@ def benchmark_explain(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=ROBOT, default=None, help="Robot file; default the paper's four-cable robot.")
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
-@click.option("--samples", default=100, show_default=True, type=click.IntRange(1, 1000), help="Of each window, in W.")
-@click.option("--starts", default=8, show_default=True, type=click.IntRange(1, 10_000))
+@click.option("--robot", type=ROBOT, default=None, help="Robot file; default: the paper's four-cable robot.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
+@click.option(
+    "--samples",
+    default=100,
+    show_default=True,
+    type=click.IntRange(1, 1000),
+    help="Samples of each window in the regressor W.",
+)
+@click.option(
+    "--starts", default=8, show_default=True, type=click.IntRange(1, 10_000), help="Random starts of the search."
+)
 @click.option(
     "--criterion",
     type=click.Choice(["C", "A", "D"]),
     default="C",
     show_default=True,
-    help="C: the paper's Eq. 40; A, D: mean and volume of the variances that maximum likelihood will reach.",
+    help="C: the paper's Eq. 40; A: mean, D: volume of the variances that maximum likelihood will reach.",
 )
 @click.option(
     "--robust",
     default=0,
     show_default=True,
     type=click.IntRange(0, 50),
-    help="Bodies 5 % off CAD to average A or D over.",
+    help="Average criterion A or D over this many bodies that differ from CAD by 5 %.",
 )
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Random seed.")
 @click.option("--out", type=OUT_FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-design/1").')
 @click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help="Write the design for programs (fidim-design/1)."
-)
-@click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
-@click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
-@click.option(
-    "--by-winches", is_flag=True, help="Displacements that winches can give, for fidim run --procedure excite."
+    "--processes", type=click.IntRange(1), default=None, help="Number of processes; default: one for each core."
 )
 @click.option(
-    "--damping", default=0.08, show_default=True, type=Number(0, 0.2), help="Most there may be, --by-winches."
+    "--scheduler", default=None, metavar="ADDRESS", help="Address of a dask cluster to use instead of local processes."
+)
+@click.option(
+    "--by-winches",
+    is_flag=True,
+    help="Only displacements that the winches can produce, for fidim run --procedure excite.",
+)
+@click.option(
+    "--damping",
+    default=0.08,
+    show_default=True,
+    type=Number(0, 0.2),
+    help="With --by-winches: largest damping ratio to expect.",
 )
 @click.option(
     "--winch-speed",
@@ -305,7 +389,7 @@ def benchmark_explain(**options: Any) -> None:
     show_default=True,
     type=Number(0, min_open=True),
     metavar="M/S",
-    help="Of any cable, --by-winches.",
+    help="With --by-winches: largest speed of any cable.",
 )
 @click.option(
     "--winch-acceleration",
@@ -313,23 +397,28 @@ def benchmark_explain(**options: Any) -> None:
     show_default=True,
     type=Number(0, min_open=True),
     metavar="M/S²",
-    help="Likewise.",
+    help="With --by-winches: largest acceleration of any cable.",
 )
-@click.option("--study", is_flag=True, help="C over 8–16 equilibria and 50–150 samples instead of one design.")
 @click.option(
-    "--after", type=FILE, default=None, help="What to record next after an explanation.json or a result.json."
+    "--study", is_flag=True, help="Instead of one design, compare criterion C for 8–16 equilibria and 50–150 samples."
 )
-@click.option("--campaign", type=FOLDER, default=None, help="Of --after; default the folder that the file is in.")
+@click.option(
+    "--after", type=FILE, default=None, help="Propose what to record next, after this explanation.json or result.json."
+)
+@click.option(
+    "--campaign", type=FOLDER, default=None, help="With --after: its campaign; default: the folder of that file."
+)
 @example(
     "fidim design --robot robot.toml --starts 20 --out design\n"
     "      fidim design --after runs/dry-run-1/explanation.json --out next"
 )
 def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
-    """Find the equilibria and displacements whose free motion tells most about the body.
+    """Find the equilibria and displacements whose free motion is most informative about the body.
 
-    With --after: those that tell effects apart that the recordings could not, with the odds; exit 1, and no plan, where
-    none does. After a result, or where nothing is in question, the window that tells most about the body, by
-    --criterion A (unless given) or D. Of the other options it takes --campaign, --seed, --out and --json.
+    With --after it proposes what to record next. After an explanation: windows that separate the effects which the
+    recordings could not separate, with the odds; exit code 1, and no plan, if no window does. After a result, or if no
+    effect is in question: the window that is most informative about the body, by --criterion A (the default then) or D.
+    Other options allowed with --after are --campaign, --seed, --out and --json.
     """
     if after is not None:
         nothing_but("--after", "after", "campaign", "criterion", "seed", "out", "json_file")

@@ -47,8 +47,8 @@ class Writing(click.Command):
         if left and not ctx.resilient_parsing:
             options = [one for one in self.params if isinstance(one, click.Option) and isinstance(one.type, click.Path)]
             names = ", ".join(one.opts[0] for one in options)
-            which = f" Files and folders are named by {names}." if names else ""
-            raise click.UsageError(f"“{' '.join(left)}” is too much.{which}", ctx)
+            which = f" Give files and folders with {names}." if names else ""
+            raise click.UsageError(f"“{' '.join(left)}” is not expected here.{which}", ctx)
         return left
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -80,7 +80,7 @@ def _require_writable(option: str, path: Path, kind: Output, made: list[Path]) -
             return  # in a folder that the command makes, which is checked itself
         mode = path.stat().st_mode if path.exists() else None
         if kind.folder and mode is not None and not stat.S_ISDIR(mode):
-            what = f"{option} {path} exists already, and is a file; nothing in it was touched."
+            what = f"{option} {path} exists already and is a file; it was not changed."
             raise SetupError(what, hint=f"Choose another {option}.")
         _try(path, mode, makes=kind.makes)
     except OSError as error:
@@ -106,7 +106,7 @@ def _in_words(error: OSError, outputs: list[tuple[str, Path]]) -> FidimError | N
     whose = next(((option, path) for option, path in outputs if failed is not None and _belongs(failed, path)), None)
     if error.errno in NO_ROOM:
         option, path = whose or ("", failed or "What the command writes")
-        return HardwareError(_cannot(option, path, error), hint="Make room, and give the command again.")
+        return HardwareError(_cannot(option, path, error), hint="Free some disk space, and repeat the command.")
     return None if whose is None else SetupError(_cannot(*whose, error), hint=HINT)
 
 

@@ -13,10 +13,10 @@ INTRODUCTION = """# Commands
 Made from the commands by `python -m fidim_lab.app.cli.reference`; a test compares them. `fidim COMMAND --help` says the
 same in a terminal.
 
-Exit codes: 0 done; 1 done, and the answer is a refusal or a failed check; 2 wrong use or bad input; 3 hardware or a
-guard stopped it; 130 interrupted. Any command takes `--debug`, which shows where an error came from. Where the output
-is no terminal it is plain text, without colours or moving progress. `--json FILE` writes the answer as one object that
-names its format.
+Exit codes: 0 done; 1 done, but the answer is a refusal or a failed check; 2 wrong use or bad input; 3 stopped by
+hardware or a guard; 130 interrupted. Every command has `--debug`, which shows where an error came from. Output that
+does not go to a terminal is plain text, without colours or moving progress. `--json FILE` writes the answer as one
+object that names its format.
 
 ## Completion
 

@@ -31,7 +31,7 @@ class Number(click.FloatRange):
         """As click does it."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
-            self.fail(f"{value} is no finite number.", param, ctx)
+            self.fail(f"{value} is not a finite number.", param, ctx)
         return number
 
 
@@ -51,13 +51,13 @@ def example(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 def only_with(flag: str, *names: str) -> None:
     """Refuse options that were given but would be ignored without this flag, which is not. Raises UsageError."""
     for option in given(names):
-        raise click.UsageError(f"{option} goes with {flag}.")
+        raise click.UsageError(f"{option} needs {flag}.")
 
 
 def not_with(flag: str, *names: str) -> None:
     """Refuse options that were given but would be ignored with this flag, which is there. Raises UsageError."""
     for option in given(names):
-        raise click.UsageError(f"{option} does not go with {flag}.")
+        raise click.UsageError(f"{option} cannot be used with {flag}.")
 
 
 def nothing_but(flag: str, *names: str) -> None:
@@ -66,7 +66,7 @@ def nothing_but(flag: str, *names: str) -> None:
     ignored = given([name for name in options if name not in names])
     if ignored:
         allowed = ", ".join(options[name] for name in names if options[name] != flag)
-        raise click.UsageError(f"{', '.join(ignored)}: not with {flag}, which takes no more than {allowed}.")
+        raise click.UsageError(f"{', '.join(ignored)} cannot be used with {flag}. Allowed with it: {allowed}.")
 
 
 def given(names: Sequence[str]) -> list[str]:
@@ -83,7 +83,7 @@ def _options() -> dict[str, str]:
 HEADINGS = {
     "session": "At a robot, or at simulated devices",
     "analysis": "Compute",
-    "records": "With what a session leaves",
+    "records": "Recordings and results",
 }
 """module of this package → how `fidim --help` calls its commands"""
 WIDEST = 200
@@ -111,6 +111,6 @@ def _module(command: click.Command) -> str:
 def fidim() -> None:
     """Free-motion experiments on cable-suspended robots: acquire, identify, explain.
 
-    Exit codes: 0 done; 1 done, and the answer is a refusal or a failed check; 2 wrong use or bad input; 3 hardware or a
-    guard stopped it; 130 interrupted. Any command takes --debug, which shows where an error came from.
+    Exit codes: 0 done; 1 done, but the answer is a refusal or a failed check; 2 wrong use or bad input; 3
+    stopped by hardware or a guard; 130 interrupted. Every command has --debug, which shows where an error came from.
     """

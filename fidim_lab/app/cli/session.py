@@ -19,25 +19,38 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, 
     "--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists."
 )
 @click.option(
-    "--seed", default=1, show_default=True, type=click.IntRange(0), help="Same seed, same windows, byte for byte."
+    "--seed",
+    default=1,
+    show_default=True,
+    type=click.IntRange(0),
+    help="Random seed; the same seed gives the same windows, byte for byte.",
 )
-@click.option("--robot", type=ROBOT, default=None, help="Robot file; default the paper's four-cable robot.")
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option("--robot", type=ROBOT, default=None, help="Robot file; default: the paper's four-cable robot.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
 @click.option(
-    "--validate", "validation", default=3, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
+    "--validate",
+    "validation",
+    default=3,
+    show_default=True,
+    type=click.IntRange(0, 60),
+    help="Number of held-out windows.",
 )
-@click.option("--plan", type=FILE, default=None, help="Windows to rehearse, as they are; no random ones.")
+@click.option("--plan", type=FILE, default=None, help="Rehearse this plan instead of a random one.")
 @click.option(
-    "--excite", is_flag=True, help="No hand: the winches excite, calm and travel (fidim run --procedure excite)."
+    "--excite", is_flag=True, help="The winches excite the platform, not a hand (fidim run --procedure excite)."
 )
-@hide_option("Hide physics in the simulated world.")
-@click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
-@click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")
-@click.option("--light", is_flag=True, help="The UI dark on light.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write the result for programs.")
+@hide_option("Add this effect to the simulation; the model does not have it.")
+@click.option("--real-time", is_flag=True, help="Use a real python-can bus and real UDP sockets, in real time.")
+@click.option(
+    "--ui",
+    is_flag=True,
+    help="Rehearse from the terminal UI, in real time: keys start the run, answer prompts and stop it.",
+)
+@click.option("--light", is_flag=True, help="With --ui: dark text on a light background.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write the result as JSON.")
 @example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
 def dry_run(**options: Any) -> None:
-    """Rehearse the whole experiment on the embedded simulators, through the drivers' real bytes."""
+    """Rehearse the whole experiment on embedded simulators, which exchange real bytes with the drivers."""
     if options["ui"]:
         not_with("--ui", "json_file")
     else:
@@ -59,31 +72,52 @@ def dry_run(**options: Any) -> None:
     default="identify",
     show_default=True,
     metavar="NAME|FILE.py",
-    help="Built-in, or your own: docs/procedures.md.",
+    help="A built-in procedure, or a file of your own (docs/procedures.md).",
 )
-@click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
+@click.option("--list", "listing", is_flag=True, help="Only print the steps and their times; no device is opened.")
 @click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
-@hide_option("Hide physics in an embedded world.")
-@click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")
-@click.option("--unattended", is_flag=True, help="Refuse to start where a prompt has no stated answer.")
 @click.option(
-    "--answer", "answers", multiple=True, metavar="KIND=CHOICE[@S]", help="Answer a kind of prompt, after S s."
+    "--seed",
+    default=1,
+    show_default=True,
+    type=click.IntRange(0),
+    help="With --embedded: random seed of the simulation.",
 )
-@click.option("--max-hours", type=Number(0, min_open=True), default=None, help="End, held, after so long.")
-@click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
-@click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
-@click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
-@click.option("--operator", default=None, metavar="NAME", help="Who records, for fidim ls; default your user name.")
-@click.option("--note", default="", metavar="TEXT", help="What is to be remembered of this run, for fidim ls.")
-@click.option("--stay", is_flag=True, help="The service goes on after the run, until fidim shutdown.")
-@click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
+@hide_option("With --embedded: add this effect to the simulation; the model does not have it.")
+@click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")
+@click.option("--unattended", is_flag=True, help="Nobody is there: refuse to start if a prompt has no --answer.")
+@click.option(
+    "--answer",
+    "answers",
+    multiple=True,
+    metavar="KIND=CHOICE[@S]",
+    help="Answer prompts of this kind with CHOICE, after S seconds.",
+)
+@click.option(
+    "--max-hours",
+    type=Number(0, min_open=True),
+    default=None,
+    help="End the run after so many hours, with the robot held.",
+)
+@click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="Begin no window between these times of day.")
+@click.option("--on-finish", default="", metavar="COMMAND", help="Command to execute after a successful run.")
+@click.option("--on-fault", default="", metavar="COMMAND", help="Command to execute after any other run.")
+@click.option("--operator", default=None, metavar="NAME", help="Your name, for fidim ls; default: your user name.")
+@click.option("--note", default="", metavar="TEXT", help="A note on this run, for fidim ls.")
+@click.option("--stay", is_flag=True, help="Keep the service running after the run, until fidim shutdown.")
+@click.option(
+    "--tcp",
+    type=click.IntRange(0, 65535),
+    default=None,
+    help="Also listen on this port of 127.0.0.1; clients need a token.",
+)
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-summary/1").')
 @example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
 def run_(**options: Any) -> None:
-    """Run PLAN on a rig: a service in its own process owns the robot, this terminal watches and answers prompts.
+    """Run PLAN on a rig: a separate process controls the robot; this terminal shows messages and answers prompts.
 
-    Ctrl-C aborts, with the robot held. The terminal may be closed: the run goes on, and prompts wait for a client.
+    Ctrl-C aborts the run and leaves the robot held. The terminal may be closed: the run continues, and prompts wait
+    until a client is attached.
     """
     if not options["embedded"]:  # only simulated devices hide something
         only_with("--embedded", "hide", "seed")
@@ -95,14 +129,16 @@ def run_(**options: Any) -> None:
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
 @click.option("--rig", type=FILE, default=None, help="Attach to the service of this rig.")
-@click.option("--light", is_flag=True, help="Dark on light.")
-@click.option("--web", is_flag=True, help="In a browser on this computer, behind a token.")
-@click.option("--port", default=8420, show_default=True, type=click.IntRange(1024, 65535), help="Of --web.")
+@click.option("--light", is_flag=True, help="Dark text on a light background.")
+@click.option("--web", is_flag=True, help="Show the UI in a browser on this computer, protected by a token.")
+@click.option(
+    "--port", default=8420, show_default=True, type=click.IntRange(1024, 65535), help="With --web: port to listen on."
+)
 @example("fidim ui runs/plan")
 def ui(**options: Any) -> None:
-    """Attach the terminal UI to a running service: that of FOLDER's run, of a rig, or the only one there is.
+    """Attach the terminal UI to a running service: of the run in FOLDER, of a rig, or the only one that is running.
 
-    It may be closed and attached again at any time; the run goes on. F12 is the emergency stop, on every screen.
+    It may be closed and attached again at any time; the run continues. F12 is the emergency stop on every screen.
     """
     if not options["web"]:
         only_with("--web", "port")
@@ -113,15 +149,19 @@ def ui(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option("--accept-place", is_flag=True, help="Go on from wherever the robot is: you have looked, or homed it.")
-@click.option("--trust", is_flag=True, help="Carry out commands and files that run.json names without a question.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
+@click.option(
+    "--accept-place",
+    is_flag=True,
+    help="Continue from where the robot is now: you have checked its position, or homed it.",
+)
+@click.option("--trust", is_flag=True, help="Execute commands and files that run.json names without asking.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-summary/1").')
 @example("fidim resume runs/plan")
 def resume(**options: Any) -> None:
-    """Go on with the run in FOLDER after an emergency stop, a crash, a kill, a power cut or an abort.
+    """Continue the run in FOLDER after an emergency stop, a crash, a power cut or an abort.
 
-    Windows that have their verdict stay; the open one is recorded again. Nothing moves where the robot is not where the
-    journal left it. A latched emergency stop is undone by two answers, "yes" to each.
+    Judged windows are kept; the unfinished one is recorded again. Nothing moves if the robot is not where the journal
+    says it was left. A latched emergency stop must first be reset by answering "yes" to two questions.
     """
     from fidim_lab.app.session.resume import ResumeOptions, resume_command
 
@@ -144,14 +184,16 @@ class _Hasty(click.Command):
 
 
 @fidim.command(cls=_Hasty, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
-@click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
-@click.option("--reason", default="", help="For the journal.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-stop/1".')  # a stop waits for no path
+@click.option("--rig", type=FILE, default=None, help="Stop only the service of this rig; default: all your services.")
+@click.option("--reason", default="", help="Reason, written to the journal.")
+@click.option(
+    "--json", "json_file", type=FILE, default=None, help='Write the answer as JSON ("fidim-stop/1").'
+)  # a stop waits for no path
 @example("fidim stop")
 def stop(rig: Path | None, reason: str, json_file: Path | None, not_understood: str) -> None:
     """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button.
 
-    Whatever else is typed, it stops all of yours.
+    A mistake in the command line does not prevent the stop: then all your services are stopped.
     """
     from fidim_lab.app.session.stop import stop_command
 
@@ -160,13 +202,14 @@ def stop(rig: Path | None, reason: str, json_file: Path | None, not_understood: 
 
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
-@click.option("--rig", type=FILE, default=None, help="Of this rig, instead of that of FOLDER's run.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-reset/1".')
+@click.option("--rig", type=FILE, default=None, help="Rig file; default: that of the run in FOLDER.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-reset/1").')
 @example("fidim reset --rig rig.toml")
 def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
-    """Undo an emergency stop, by two answers: the cause has gone, nobody is at the cables. Nothing moves yet.
+    """Reset an emergency stop after two questions: has its cause been removed, and is nobody at the cables?
 
-    The stop is kept beside the rig file, whether or not a service runs; fidim run and fidim resume ask the same.
+    Nothing moves. The stop is stored beside the rig file, so no service needs to run. fidim run and fidim resume ask
+    the same questions.
     """
     from fidim_lab.app.session.undo_stop import reset_command
 
@@ -175,11 +218,11 @@ def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None
 
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
-@click.option("--rig", type=FILE, default=None, help="The service of this rig.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-shutdown/1".')
+@click.option("--rig", type=FILE, default=None, help="End the service of this rig.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-shutdown/1").')
 @example("fidim shutdown")
 def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
-    """End a service whose run has ended (fidim run --stay) or has not begun; a run that goes on is left alone."""
+    """End a service whose run has ended (fidim run --stay) or has not begun; refused during a run."""
     from fidim_lab.app.session.shutdown import shutdown_command
 
     sys.exit(shutdown_command(folder, rig, json_file))
@@ -187,18 +230,32 @@ def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> N
 
 @fidim.command()
 @click.argument("rig", type=FILE)
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the true robot and all noise.")
-@hide_option("Hide physics in the simulated world.")
-@click.option("--plan", type=FILE, default=None, help="Begin at rest at the first lengths of this plan.")
-@click.option("--ports", default=None, metavar="BUS,MOCAP,HAND", help="Of 127.0.0.1, instead of what the rig names.")
-@click.option("--no-load", is_flag=True, help="No cable carries the platform: for fidim commission.")
+@click.option(
+    "--seed",
+    default=1,
+    show_default=True,
+    type=click.IntRange(0),
+    help="Random seed of the robot's true parameters and of all noise.",
+)
+@hide_option("Add this effect to the simulation; the model does not have it.")
+@click.option(
+    "--plan", type=FILE, default=None, help="Begin at rest, with the cable lengths of this plan's first window."
+)
+@click.option(
+    "--ports",
+    default=None,
+    metavar="BUS,MOCAP,HAND",
+    help="Ports of 127.0.0.1 to use instead of those of the rig file.",
+)
+@click.option("--no-load", is_flag=True, help="Simulate drums without the platform, for fidim commission.")
 @click.option("--until-input-ends", is_flag=True, hidden=True)
 @example("fidim simulators examples/rigs/simulated.toml")
 def simulators(**options: Any) -> None:
     """Simulate the devices of the RIG file for other processes, in real time, until Ctrl-C.
 
-    Drives on its bus, motion capture at its socket, and a hand that answers prompts. A line typed here pulls a plug:
-    bus, mocap, drive K (loses power), fault K, off K (switched off over the bus). "drive K again" puts it back.
+    It simulates the drives on the rig's bus, motion capture on its socket, and a hand that answers prompts. A typed
+    line causes a failure: bus, mocap, drive K (loses power), fault K, off K (switched off over the bus). "drive K
+    again" undoes it.
     """
     from fidim_lab.app.session.simulators import SimulatorOptions, simulators_command
 
@@ -211,20 +268,26 @@ def simulators(**options: Any) -> None:
     "--by",
     default="",
     metavar="NAME",
-    help="Who is at the robot; faults are acknowledged in this name. Only --list does without.",
+    help="Who is at the robot; faults are acknowledged in this name. Required except with --list.",
 )
-@click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/commission-RIG.")
-@click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
+@click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default: runs/commission-RIG.")
+@click.option("--list", "listing", is_flag=True, help="Only print the steps and their times; no device is opened.")
 @click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
+@click.option(
+    "--seed",
+    default=1,
+    show_default=True,
+    type=click.IntRange(0),
+    help="With --embedded: random seed of the simulation.",
+)
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-summary/1").')
 @example('fidim commission rig.toml --by "A. Name"')
 def commission(**options: Any) -> None:
-    """Prove the stops of each drive of the RIG file by trial: without load, at low speed, with somebody there.
+    """Prove by trial that each drive of the RIG file stops: without load, at low speed, with somebody present.
 
-    Quick stop, halt, heartbeat withheld, SYNC withheld, position limit, following error; time and way by the drive's
-    own encoder. What passes is kept in RIG.proofs.toml, for this drive and these settings;
-    of a rehearsal in RIG.rehearsal-proofs.toml, for rehearsals.
+    Trials: quick stop, halt, heartbeat withheld, SYNC withheld, position limit, following error. Time and distance are
+    measured by the drive's own encoder. A passed trial is kept in RIG.proofs.toml and counts for this drive with these
+    settings; one of a rehearsal is kept in RIG.rehearsal-proofs.toml and counts only in rehearsals.
     """
     if not options["embedded"]:
         only_with("--embedded", "seed")
@@ -235,16 +298,22 @@ def commission(**options: Any) -> None:
 
 @fidim.command("power-off")
 @click.argument("rig", type=FILE)
-@click.option("--yes", is_flag=True, help="The load is secured; do not ask.")
+@click.option("--yes", is_flag=True, help="Confirm that the load is secured, without being asked.")
 @click.option(
-    "--acknowledge", "acknowledged_by", default=None, metavar="NAME", help="Reset faults; NAME saw the cause."
+    "--acknowledge",
+    "acknowledged_by",
+    default=None,
+    metavar="NAME",
+    help="Also reset faults; NAME has checked their cause.",
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-power-off/1".')  # likewise
+@click.option(
+    "--json", "json_file", type=FILE, default=None, help='Write the answer as JSON ("fidim-power-off/1").'
+)  # likewise
 @example("fidim power-off rig.toml")
 def power_off(**options: Any) -> None:
-    """Take the power from all drives of the RIG file, as after a run whose program has ended.
+    """Switch off all drives of the RIG file, for example after a run whose program has ended.
 
-    Drives that lost their host hold the load in quick stop, and no other session takes them over until this is done.
+    Drives that lost their host hold the load in quick stop. A new run refuses them until they are switched off.
     """
     from fidim_lab.app.session.power_off import PowerOffOptions, power_off_command
 
@@ -254,14 +323,14 @@ def power_off(**options: Any) -> None:
 @fidim.command()
 @click.argument("rig", type=FILE)
 @click.argument("winch")
-@click.option("--release/--apply", required=True, help="Let the drum turn, or hold it again.")
-@click.option("--yes", is_flag=True, help="The load is secured; do not ask.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-brake/1".')
+@click.option("--release/--apply", required=True, help="Release the drum so that it can turn, or hold it again.")
+@click.option("--yes", is_flag=True, help="Confirm that the load is secured, without being asked.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-brake/1").')
 @example('fidim brake rig.toml "winch 2" --release')
 def brake(**options: Any) -> None:
-    """Release the holding brake of a WINCH of the RIG file by hand, without power, for mounting; or apply it.
+    """Release or apply the holding brake of one WINCH of the RIG file, for mounting; the drive must be without power.
 
-    Its output is named in the rig file (brake_output, a bit of 60FE). In operation a brake is the drive's own matter.
+    The rig file names the brake's output (brake_output, a bit of object 60FE). In operation the drive controls it.
     """
     from fidim_lab.app.session.brake import BrakeOptions, brake_command
 
@@ -270,11 +339,18 @@ def brake(**options: Any) -> None:
 
 @fidim.command()
 @click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
-@click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
-@click.option("--picture", type=OUT_FILE, default=None, help="SVG file for a drawing of --robot with all its symbols.")
-@click.option("--eds", type=FILE, default=None, help="Tell what the drive of this EDS or DCF file can do.")
-@click.option("--family", default=None, help="Of --eds: a built-in drive family, or a file of your own (.toml).")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-doctor/1".')
+@click.option(
+    "--rig", type=FILE, default=None, help="Also check the hardware of this rig file; it is only read, nothing moves."
+)
+@click.option(
+    "--picture",
+    type=OUT_FILE,
+    default=None,
+    help="With --robot: write a drawing of the robot with all its symbols to this SVG file.",
+)
+@click.option("--eds", type=FILE, default=None, help="Show what the drive of this EDS or DCF file can do.")
+@click.option("--family", default=None, help="With --eds: a built-in drive family, or a file of your own (.toml).")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-doctor/1").')
 @example("fidim doctor --rig rig.toml")
 def doctor(
     robot: Path | None,
@@ -284,30 +360,32 @@ def doctor(
     family: str | None,
     json_file: Path | None,
 ) -> None:
-    """Check installation, buses, sockets, clock and disk, and say what to do where one fails.
+    """Check installation, buses, sockets, clock and disk, and say what to do about each failure.
 
-    With --rig also each drive against the rig file (wanted, found), motion capture, guards and the robot file: exit 1
-    where a check failed, 3 where something cannot be reached. With --eds only the grade table of one drive, before
-    anything is connected, and what had to be repaired in its file.
+    With --rig it also checks each drive against the rig file (wanted, found), motion capture, guards and the robot
+    file; exit code 1 if a check failed, 3 if something cannot be reached. With --eds it only grades one drive by its
+    file, before anything is connected, and lists what had to be repaired in that file.
     """
     from fidim_lab.app.doctor.command import UnconnectedDrive, doctor_command
 
     if family is not None and eds is None:
-        raise click.UsageError("--family belongs to --eds.")
+        raise click.UsageError("--family needs --eds.")
     if picture is not None and robot is None:
-        raise click.UsageError("--picture goes with --robot.")
+        raise click.UsageError("--picture needs --robot.")
     sys.exit(doctor_command(robot, json_file, rig, None if eds is None else UnconnectedDrive(eds, family), picture))
 
 
 @fidim.command("tension-calibrate")
 @click.argument("campaign", type=FOLDER)
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-tension-calibration/1".')
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-tension-calibration/1").'
+)
 @example("fidim tension-calibrate runs/poses")
 def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
-    """Gain, offset and friction band of each winch from the rests of CAMPAIGN, as lines for the rig file.
+    """Find gain, offset and friction band of each winch from the rest poses of CAMPAIGN; prints lines for the rig file.
 
-    Motor currents are fitted on the tensions that statics give for the held cable lengths; mass and geometry are taken
-    from the robot file. Exit 1 where the tensions differ too little to tell.
+    Motor currents are fitted to the tensions that statics gives for the held cable lengths, with mass and geometry of
+    the robot file. Exit code 1 if the tensions differ too little for a fit.
     """
     from fidim_lab.app.session.tension_calibrate import tension_calibrate_command
 
@@ -316,17 +394,19 @@ def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
 
 @fidim.command()
 @click.argument("kind", type=click.Choice(["robot", "rig", "plan", "campaign"]))
-@click.option("--out", type=OUT_EITHER, default=None, help="File, of a campaign the folder; default KIND.toml.")
-@click.option("--robot", type=ROBOT, default=None, help="That the file is for; default robot.toml.")
-@click.option("--cables", default=4, show_default=True, type=int, help="Of a new robot: 2 to 5.")
-@click.option("--simulated", is_flag=True, help="rig: for the devices of fidim simulators, not for hardware.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-init/1".')
+@click.option(
+    "--out", type=OUT_EITHER, default=None, help="File to write (for a campaign: the folder); default KIND.toml."
+)
+@click.option("--robot", type=ROBOT, default=None, help="Robot that the new file is for; default robot.toml.")
+@click.option("--cables", default=4, show_default=True, type=int, help="Number of cables of a new robot, 2 to 5.")
+@click.option("--simulated", is_flag=True, help="For a rig: use the devices of fidim simulators instead of hardware.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-init/1").')
 @example("fidim init robot --cables 3\n      fidim init rig --simulated\n      fidim init plan --robot robot.toml")
 def init(**options: Any) -> None:
     """Write a new file of KIND: every key with its unit, its frame and how it is measured. Overwrites nothing.
 
-    KIND: robot, rig, plan, or campaign (a folder). The numbers are those of a plausible robot, so that it can be tried
-    on simulators at once; replace them by yours.
+    KIND: robot, rig, plan, or campaign (a folder). The numbers are those of a plausible robot, which works on
+    simulators at once; replace them by yours.
     """
     kind = options["kind"]
     not_with(kind, "robot" if kind == "robot" else "cables")

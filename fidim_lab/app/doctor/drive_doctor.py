@@ -81,7 +81,7 @@ def check_repairs(found: EdsFile) -> list[Check]:
     places: dict[str, list[Repair]] = {}
     for repair in found.repairs:
         places.setdefault(repair.what, []).append(repair)
-    advice = "nothing: it is repaired in memory; tell the maker"
+    advice = "nothing: it is repaired in memory; inform the maker"
     return [
         Check(f"EDS file {found.path.name}", CheckVerdict.WARNING, f"{what}: {_places(where)}", advice)
         for what, where in places.items()

@@ -35,7 +35,7 @@ def _remedy(closed: list[Path]) -> str:
     groups = sorted({group for port in closed if (group := _group(port))})
     if not groups or groups == ["root"]:
         return "ask your administrator for access"
-    return f"sudo usermod -aG {','.join(groups)} $USER, then log in anew"
+    return f"sudo usermod -aG {','.join(groups)} $USER, then log in again"
 
 
 def _group(port: Path) -> str:

@@ -12,7 +12,7 @@ from fidim_lab.model.mechanism import Mechanism
 from procedures.expected import NominalRest, PlaceHistory, SeenAtRest, place_measurements
 from procedures.steps import Lengths
 
-NAME = "marker against the lengths"
+NAME = "marker and its place by the lengths"
 HANGS = "does the platform hang freely and still from all cables?"
 
 

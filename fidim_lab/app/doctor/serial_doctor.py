@@ -54,7 +54,7 @@ async def _check_release(release: SerialRelease, clock: Clock) -> list[Check]:
         while release.state is ReleaseState.UNKNOWN and clock.now() < deadline:
             await clock.sleep(LOOK)
         if release.state is ReleaseState.UNKNOWN:
-            heard = f"{release.ignored} lines that tell no state" if release.ignored else "no answer"
+            heard = f"{release.ignored} lines without a state" if release.ignored else "no answer"
             advice = "check plug, baud, and the texts of ask, holds and released"
             return [Check("state", CheckVerdict.UNREACHABLE, release.problem or heard, advice, device=RELEASE)]
         held = release.state is ReleaseState.HOLDS

@@ -47,7 +47,7 @@ def mass_of(result: ResultTable, given: float | None) -> float:
     if given is not None:
         return given
     if result.mass is None:
-        raise SetupError("Free motion tells no mass, and this result has none.", hint="Give --mass KG.")
+        raise SetupError("Free motion does not determine the mass, and this result has none.", hint="Give --mass KG.")
     return result.mass.value
 
 

@@ -42,7 +42,11 @@ def verify(folder: Path) -> Verification:
 
 def _says(name: str, manifest: Manifest, found: dict[str, FileEntry]) -> str:
     was, is_ = manifest.files[name].size, found[name].size
-    return f"{name} ({was} bytes, other ones)" if was == is_ else f"{name} ({was} bytes were recorded, {is_} found)"
+    return (
+        f"{name} ({was} bytes, but with other contents)"
+        if was == is_
+        else f"{name} ({was} bytes were recorded, {is_} found)"
+    )
 
 
 def _differences(then: Software, now: Software) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ def why_unclear(explanation: Explanation) -> str:
         said.append(explanation.message)
     alike = [f"{c.id} from {' or '.join(c.equivalent_to)}" for c in explanation.effects if c.equivalent_to]
     if verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED) and alike:
-        said.append(f"The data cannot tell {'; '.join(alike)}.")
+        said.append(f"The data cannot separate {'; '.join(alike)}.")
     return " ".join(said)
 
 
@@ -112,7 +112,7 @@ class _Next:
         found = to_know(self.campaign, self.body, seed=self.number, reach=self.reach)
         shares = found.sd_after / found.sd_before
         if float(shares.min()) > WORTH:
-            return Judgement(Clarity.STUCK, "No window within the limits would tell more about the body.")
+            return Judgement(Clarity.STUCK, "No window within the limits would improve the accuracy of the body.")
         name = list(self.explanation.parameters)[int(np.argmin(shares))]
         says = f"The next window is chosen for {name}: its sd falls to {100 * float(shares.min()):.0f} %."
         return self._judgement(says, found.z)
@@ -142,9 +142,9 @@ class _Next:
 def _hopeful(found: Proposal) -> str:
     """What the windows promise that will be recorded."""
     count, last = len(found.windows), found.after[-1]
-    windows = "The next window tells" if count == 1 else f"{count} more windows, of which this is the first, tell"
+    windows = "The next window separates" if count == 1 else f"{count} more windows, this one and later ones, separate"
     said = f"{windows} {found.claim.id} from {last.rival} in {100 * last.probability:.0f} % of cases."
-    return f"{said} Free motion hardly separates it from {' or '.join(found.beyond)}." if found.beyond else said
+    return f"{said} Free motion can hardly separate it from {' or '.join(found.beyond)}." if found.beyond else said
 
 
 def main(arguments: list[str]) -> int:

@@ -28,7 +28,7 @@ LINE = 1 << 20
 """bytes of an answer at most"""
 LAST = 10.0
 """s at the end of a run that the last answer is waited for"""
-NO_MORE = "Later windows are not looked at here: fidim explain takes all."
+NO_MORE = "Later windows are not checked during the run; fidim explain uses all windows."
 COMMAND = "import sys; from fidim_lab.app.judging.model_worker import main; main(sys.argv[1])"
 
 
@@ -94,7 +94,7 @@ class ModelCheck:
             try:
                 answer = await self._asked(window)
                 if "failed" in answer:
-                    self._tell(Looked(window, None, (), f"The model cannot be checked: {answer['failed']}", 0.0))
+                    self._tell(Looked(window, None, (), f"The model could not be checked: {answer['failed']}", 0.0))
                     continue
                 self._tell(_checked(window, answer))
                 if answer.get("full"):
@@ -102,7 +102,7 @@ class ModelCheck:
                     await self._end_worker()
             except (OSError, ValueError) as error:
                 self._useful = False
-                self._tell(Looked(window, None, (), f"The model is not checked any more: {error}.", 0.0))
+                self._tell(Looked(window, None, (), f"The model is no longer checked: {error}.", 0.0))
                 return
 
     async def _asked(self, window: str) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def import_kind_command(
         refuse_taken(out)
         return import_takes_command(read_grab(sources[0], lambda k: wanted is None or k in wanted), out, json_file)
     if options.takes is not None:
-        raise SetupError("--takes belongs to grab, and to kinds of which one file is one take.")
+        raise SetupError("--takes can only be used with grab, and with kinds whose files are takes.")
     if kind not in READERS:
         known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab"]))
         raise SetupError(f"No recording of kind {kind!r} is known.", hint=f"Known kinds: {known}.")

@@ -123,7 +123,7 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
     held = np.median(mechanism.lengths(posed.positions[known], posed.rotations[known]), axis=0)
     if take.log is None:
         constant = np.tile(held, (int(rows.sum()), 1))
-        return FromLog(constant, None, "lengths: the median of what the poses say, for there is no log")
+        return FromLog(constant, None, "lengths: the median of those computed from the poses, since there is no log")
     offset, clock = _offset(mechanism, take, take.log, posed)
     at = posed.t[rows] + offset
     counted = _at(take.log, take.log.lengths, at)

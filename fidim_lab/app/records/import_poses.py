@@ -93,7 +93,7 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
 def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
     """The take at the rate that was asked for. Raises RefusedError where the file says two and nobody said which."""
     if asked.rate is not None:
-        return replace(log, t=log.t * log.rate / asked.rate, rate=asked.rate), (f"{asked.rate:g} Hz, as asked for",)
+        return replace(log, t=log.t * log.rate / asked.rate, rate=asked.rate), (f"{asked.rate:g} Hz, as requested",)
     if log.column_rate is not None:
         what = f"The file's header says {log.rate:g} Hz, its column of times {log.column_rate:.5g} Hz"
         raise RefusedError(what, hint="Say the right one with --rate.")
@@ -106,7 +106,7 @@ def _with_unit(mechanism: Mechanism, log: MarkerLog, asked: Asked, error: Refuse
         return error
     for unit, misfit in units_that_fit(mechanism, log).items():
         if not np.isclose(LENGTH_UNITS[unit], log.scale):
-            what = f"The unit is not the one that {'was asked for' if asked.unit else 'the file says'}: in {unit} the"
+            what = f"The unit is not the one that {'was requested' if asked.unit else 'the file says'}: in {unit} the"
             what = f"{what} distances between the markers fit the robot file to {misfit * 1e3:.1f} mm"
             return RefusedError(what, hint=f"Say --unit {unit}.")
     return error
@@ -265,13 +265,13 @@ def _upright(
         return best, Decision((), (warning,))
     if asked.up is not None and chosen.varies > STRAY >= best.varies:
         raise RefusedError(
-            f"With {asked.up} upwards, as asked for, cable lengths vary by {chosen.varies * 1e3:.1f} mm though the "
+            f"With {asked.up} upwards, as requested, cable lengths vary by {chosen.varies * 1e3:.1f} mm though the "
             f"motors are locked; with {best.up} upwards by {best.varies * 1e3:.1f} mm.",
             hint=f"Say --up {best.up}.",
         )
     rivals = [r for r in fitting if r is not chosen and r.varies < CLEAR * chosen.varies]
     _ask(chosen, rivals, said)
-    how = "as asked for" if asked.up else "as the file says" if log.up else "by the cable lengths"
+    how = "as requested" if asked.up else "as the file says" if log.up else "by the cable lengths"
     decided = (f"{chosen.words}, {how}: {shown}",)
     if asked.up is not None and CLEAR * best.varies < chosen.varies:
         warning = f"{shown}; with {best.up} upwards by {best.varies * 1e3:.1f} mm: is --up {best.up} meant?"
@@ -286,7 +286,9 @@ def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -
     """Raises RefusedError where another reading fits about as well and nobody said which."""
     other = next((rival for rival in rivals if rival.body is not chosen.body), None)
     if other is not None:
-        raise RefusedError(f"Not told: {chosen.words} fits no better than {other.words}.", hint="Say --body.")
+        raise RefusedError(
+            f"Not distinguishable: {chosen.words} fits no better than {other.words}.", hint="Say --body."
+        )
     other = next((rival for rival in rivals if rival.up != chosen.up), None)
     if said is None and other is not None:
         what = f"{chosen.up} ({chosen.varies * 1e3:.1f} mm) or {other.up} ({other.varies * 1e3:.1f} mm)"

@@ -143,7 +143,7 @@ def _print_softness(report: ImportReport, out: Console) -> None:
     if balance.free_directions > freedoms:
         least, next_one = balance.singular_values[-1], balance.singular_values[-2]
         out.print(
-            f"Soft mode   the cables hold one direction hardly at all (singular values of Ξ {least:.3f} and "
+            f"Soft mode   the cables hardly hold one direction (singular values of Ξ {least:.3f} and "
             f"{next_one:.2f}): {balance.free_directions} directions move, not {freedoms}; "
             "rigid cables are the wrong model here"
         )

@@ -241,6 +241,4 @@ def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
     for name, why in group.unread.items():
         out.print(f"  {name} not read: {why}", highlight=False, markup=False)
     if windows:
-        out.print(
-            f"Written to {folder} (import.json tells what was decided); next: fidim identify {folder}", markup=False
-        )
+        out.print(f"Written to {folder} (import.json lists the decisions); next: fidim identify {folder}", markup=False)

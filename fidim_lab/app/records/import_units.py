@@ -22,7 +22,7 @@ WIDEST = 3.0
 def in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
     """The take in m, and how its unit is known. Raises RefusedError where it has to be asked for."""
     if asked.unit is not None:
-        return _scaled(log, LENGTH_UNITS[asked.unit] / log.scale), (f"lengths in {asked.unit}, as asked for",)
+        return _scaled(log, LENGTH_UNITS[asked.unit] / log.scale), (f"lengths in {asked.unit}, as requested",)
     if log.unit_said:
         return log, ()
     unit = _unit_of(mechanism, log)

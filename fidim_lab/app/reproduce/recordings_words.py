@@ -44,7 +44,7 @@ def _eq46(found: FromRecordings) -> tuple[str, ...]:
         f"Eq. 46: the essential parameters agree within {100 * off[worst]:.1f} % ({PARAMETER_NAMES[worst]} is off "
         f"most), C is {free.solution.C:.2f} (printed {printed.C}), σ_W {free.solution.sigma_W:.3f} "
         f"({printed.sigma_W}), from takes {', '.join(map(str, free.takes))}. Which twelve of its fifteen takes the "
-        "paper used, and how it solved Eq. 44, is not told.",
+        "paper used, and how it solved Eq. 44, is not stated.",
     ]
     if free.left_out:
         why = "; ".join(f"{number}: {reason}" for number, reason in free.left_out.items())

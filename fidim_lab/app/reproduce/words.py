@@ -85,8 +85,9 @@ def _about_stated_sd(found: Reproduction) -> Iterator[str]:
     k = int(np.argmax(errors))
     smaller = int((free.percent < paper.FREE.percent)[:ESSENTIAL].sum())
     yield (
-        f"σ% (Eq. 32) takes the errors of W as independent and alike, which they are not: {PARAMETER_NAMES[k]} is off "
-        f"by {errors[k]:.1f} sd. Our σ% is below the paper's for {smaller} of {ESSENTIAL} essential parameters."
+        f"σ% (Eq. 32) assumes that the errors of W are independent and equal, which they are not: "
+        f"{PARAMETER_NAMES[k]} is off by {errors[k]:.1f} sd. Our σ% is below the paper's for {smaller} of "
+        f"{ESSENTIAL} essential parameters."
     )
 
 

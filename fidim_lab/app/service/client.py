@@ -156,7 +156,7 @@ class ServiceClient:
     def _take(self, message: Message | MalformedLine) -> None:
         match message:
             case MalformedLine(says):
-                self._end(f"The service says what is no message: {says}")
+                self._end(f"The service sent an invalid message: {says}")
                 return
             case Answer():
                 if (waiting := self._waiting.get(message.id)) is not None and not waiting.done():

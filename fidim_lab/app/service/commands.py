@@ -1,4 +1,4 @@
-"""What a client may say to a service: hello, then commands. `messages` has what the service says."""
+"""Messages of a client to a service: hello, then commands. `messages` has those of the service."""
 
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -9,16 +9,16 @@ from fidim_lab.say import printable
 
 PROTOCOL = "fidim-service/1"
 REASON = 300
-"""characters of a reason; a longer one is cut, for a stop is never refused over its words"""
+"""characters of a reason; a longer one is cut, so that no stop is refused because of its text"""
 NAME = 40
-"""characters of a client's name, on a line with what it did"""
+"""characters of a client's name, which is shown in one line with what it did"""
 
 Text = Annotated[str, AfterValidator(partial(printable, longest=REASON))]
 Name = Annotated[str, AfterValidator(partial(printable, longest=NAME))]
 
 
 class Message(BaseModel):
-    """Base of all messages: frozen, unknown keys refused, and all text printable, since terminals show it."""
+    """Base of all messages: frozen; unknown keys are refused; texts are made printable, since terminals show them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
@@ -33,83 +33,91 @@ class Message(BaseModel):
 
 
 class TakeLease(Message):
-    """Become the one client that may command. Refused while another has the lease, unless `force`."""
+    """Become the one client that may command. Refused while another client has the lease, unless `force` is true."""
 
     name: Literal["take-lease"] = "take-lease"
     force: bool = False
-    """take it from whoever has it; that client is told"""
+    """take the lease from the client that has it; that client is informed"""
 
 
 class ReleaseLease(Message):
-    """Let another client command."""
+    """Give up the lease, so that another client may command."""
 
     name: Literal["release-lease"] = "release-lease"
 
 
 class Start(Message):
-    """Begin the run. The emergency stop must have been reset."""
+    """Begin the run. The emergency stop must have been reset before."""
 
     name: Literal["start"] = "start"
 
 
 class Pause(Message):
-    """Stop on the ramp and hold, with power on."""
+    """Stop all winches on their ramp and hold them, with power on."""
 
     name: Literal["pause"] = "pause"
     reason: Text = ""
+    """for the journal"""
 
 
 class Resume(Message):
-    """Verify that the robot is where it was held, then go on."""
+    """Continue the run, after checking that the robot is where it was held."""
 
     name: Literal["resume"] = "resume"
 
 
 class Skip(Message):
-    """Go on without the present window."""
+    """Leave out the present window and continue with the next."""
 
     name: Literal["skip"] = "skip"
     reason: Annotated[Text, Field(min_length=1)]
+    """for the journal"""
 
 
 class Retry(Message):
-    """Do the present window, or its recording, once more."""
+    """Repeat the present window, or its recording."""
 
     name: Literal["retry"] = "retry"
     reason: Text = ""
+    """for the journal"""
 
 
 class Abort(Message):
-    """End the run here; the robot is held."""
+    """End the run now; the robot is held."""
 
     name: Literal["abort"] = "abort"
     reason: Annotated[Text, Field(min_length=1)]
+    """for the journal"""
 
 
 class EmergencyStop(Message):
-    """Quick-stop all winches at once and latch. Anybody may, without lease."""
+    """Quick-stop all winches at once and latch the stop. Every client may, without the lease."""
 
     name: Literal["e-stop"] = "e-stop"
     reason: Text = ""
+    """for the journal, and for whoever resets the stop"""
 
 
 class Reset(Message):
-    """Reset the latched emergency stop, in two steps: without code, the answer has one; with that code, it is done."""
+    """Reset the latched emergency stop in two steps: without a code the answer gives one; with it the stop is reset."""
 
     name: Literal["reset"] = "reset"
     code: Text = ""
+    """of the answer to the first `reset`"""
 
 
 class AnswerPrompt(Message):
-    """Answer the prompt of this number. Any client may; the first answer counts."""
+    """Answer the prompt with this number. Every client may; the first answer counts."""
 
     name: Literal["answer"] = "answer"
     prompt: int
+    """number of the prompt"""
     choice: Text
+    """one of its choices"""
 
 
 class Shutdown(Message):
-    """End the service. Refused while a run goes on (abort it first)."""
+    """End the service. Refused during a run; abort it first."""
 
     name: Literal["shutdown"] = "shutdown"
 
@@ -132,20 +140,20 @@ Command = Annotated[
 
 
 class Hello(Message):
-    """The first line of a client."""
+    """The first message of a client."""
 
     type: Literal["hello"] = "hello"
     protocol: Text = PROTOCOL
     client: Name = ""
-    """a name for journals and other people's screens: "fidim run", "tui", "lab script" """
+    """a name that journals and other clients show, such as "fidim run", "tui" or "lab script" """
     token: Text = ""
-    """needed on TCP; as in the file that the service names when it starts"""
+    """needed over TCP; it is in the file that the service names when it starts"""
     samples: bool = True
-    """whether live samples are wanted"""
+    """true: send `samples` messages to this client"""
 
 
 class Request(Message):
-    """A command with a number of the client's choice, which its `Answer` repeats."""
+    """A command, with a number that the client chooses and the `answer` repeats."""
 
     type: Literal["command"] = "command"
     id: int

@@ -8,7 +8,7 @@ from fidim_lab.data.rigs.stop_file import Stopped
 
 CODE_LIFE = 30.0
 """s for which a code of the first step counts"""
-AT_START = "the service has only just begun; look at the robot, then reset"
+AT_START = "the service has just started; look at the robot, then reset"
 
 
 class Keeper(Protocol):
@@ -75,7 +75,7 @@ class Latch:
         good = bool(self._code) and self._now() <= self._until and secrets.compare_digest(code, self._code)
         self._code = ""
         if not good:
-            return "The code is wrong or too old; ask for a new one."
+            return "The code is wrong or has expired; request a new one."
         if not (why := self._keeper.forget()):
             self.why = ""
         return why

@@ -177,4 +177,4 @@ def _read(descriptor: int) -> Holder:
     try:
         return _HOLDER.validate_json(os.pread(descriptor, MOST, 0))
     except (OSError, ValidationError):
-        return Holder(0, "(not told yet)")
+        return Holder(0, "(not known yet)")

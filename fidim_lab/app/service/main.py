@@ -147,7 +147,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -
     service.broadcast.more_guards(guards)
     if work.resumption is not None:
         known, planned = len(work.resumption.rows), len(work.experiment.roles)
-        says = f"{known} windows have their verdict, {planned - known} are left"
+        says = f"{known} windows are judged, {planned - known} remain"
         service.event_log.note(kind="resumed", reason=says)
     check = ModelCheck(work.spec.out, len(work.experiment.roles), partial(_tell_checked, service))
     proofs = _proof_keeper(work, service, disk)

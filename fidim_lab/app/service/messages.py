@@ -1,7 +1,7 @@
-"""What is said on the service's socket, "fidim-service/1": one JSON object a line, UTF-8, each ended by a newline.
+"""Messages of a service, "fidim-service/1": one JSON object per line, in UTF-8, each ended by a newline.
 
-Every message is one of these models (a client's are in `commands`); an unknown key or type is an error. Numbers are SI.
-docs/messages.md is made from both files.
+Every message is one of these models (those of a client are in `commands`); an unknown key or type is an error. Numbers
+are in SI units. docs/messages.md is made from both files.
 """
 
 from typing import Annotated, Literal
@@ -12,7 +12,7 @@ from fidim_lab.app.service.commands import PROTOCOL, Message
 
 
 class Welcome(Message):
-    """The service's answer to `Hello`; `History` follows."""
+    """The service's answer to `hello`; `history` follows."""
 
     type: Literal["welcome"] = "welcome"
     protocol: Literal["fidim-service/1"] = PROTOCOL
@@ -21,13 +21,17 @@ class Welcome(Message):
     run: str
     """name of the plan"""
     folder: str
+    """run folder"""
     rig: str
+    """name of the rig file"""
     windows: tuple[str, ...]
+    """ids, in the order of the plan"""
     winches: tuple[str, ...]
+    """names, in the order of the cables"""
 
 
 class Happening(Message):
-    """One thing that happened, numbered from 1 without gaps; `kind` as in the journal."""
+    """An event of the run, numbered from 1 without gaps; `kind` is that of the journal."""
 
     type: Literal["event"] = "event"
     number: int
@@ -52,39 +56,44 @@ class Happening(Message):
         "model-checked",
     ]
     window: str = ""
+    """id of the window that it belongs to"""
     step: str = ""
-    """the step's type"""
+    """type of the step"""
     text: str = ""
+    """what happened, in words"""
     outcome: str = ""
     """of a step, a window or the run; of `model-checked`: holds, does not hold, the ids of suspected effects, or
-    nothing before there is enough to tell"""
+    empty while the data are too few"""
     reason: str = ""
+    """why the outcome is what it is"""
     values: tuple[float, ...] = ()
-    """what the step read, SI"""
+    """measured values of the step, in SI units"""
 
 
 class History(Message):
-    """What has happened before this client came, oldest first; a long one comes in pieces."""
+    """Events before this client connected, oldest first; a long history comes in several messages."""
 
     type: Literal["history"] = "history"
     events: tuple[Happening, ...]
     forgotten: int = 0
-    """older events that are only in the journal"""
+    """number of older events, which are only in the journal"""
     more: bool = False
-    """another piece follows, whose events go on from these"""
+    """another `history` message follows, with later events"""
 
 
 class WinchState(Message):
-    """One winch."""
+    """State of one winch."""
 
     name: str
+    """as in the rig file"""
     drive: str
-    """CiA 402 state in words"""
+    """CiA 402 state of the drive, in words"""
     fault: str = ""
+    """the drive's fault in words; empty: none"""
     length: float | None = None
-    """m"""
+    """m, of its cable"""
     speed: float | None = None
-    """m/s, positive pays out"""
+    """m/s; positive: the cable is paid out"""
     tension: float | None = None
     """N, from the motor current"""
     temperature: float | None = None
@@ -96,96 +105,111 @@ class WinchState(Message):
     emergencies: int = 0
     """emergency messages of the drive so far"""
     lost: int = 0
-    """bus cycles so far that brought no sample"""
+    """bus cycles so far without a sample"""
     age: float | None = None
-    """s since the sample; None: never reported"""
+    """s since the newest sample; null: no sample yet"""
     length_limits: tuple[float, float] | None = None
+    """m"""
     tension_limits: tuple[float, float]
+    """N"""
 
 
 class MocapState(Message):
-    """Motion capture."""
+    """State of the motion capture."""
 
     rate: float
     """Hz, as configured"""
     measured_rate: float
     """Hz, during the last second"""
     latency: float | None = None
-    """s, where the source can know it"""
+    """s, where the source can measure it"""
     age: float | None = None
     """s since the newest frame"""
     position: tuple[float, float, float] | None = None
-    """main marker, m; None where occluded"""
+    """m, of the main marker; null: not seen"""
     markers_seen: int = 0
+    """in the newest frame"""
     counters: dict[str, int]
-    """frames received, lost, late, doubled, malformed so far"""
+    """number of frames received, lost, late, doubled and malformed so far"""
 
 
 class BusState(Message):
-    """The CAN bus, where there is one."""
+    """State of the CAN bus, where there is one."""
 
     load: float | None = None
-    """part of its capacity during the last second"""
+    """fraction of its capacity used during the last second"""
     frames: float | None = None
-    """a second"""
+    """frames per second"""
 
 
 class GuardState(Message):
-    """One guard."""
+    """State of one guard."""
 
     name: str
     state: Literal["armed", "tripped", "warning", "disarmed"]
     reaction: str
+    """as in the rig file, such as hold or quick-stop"""
     why: str = ""
+    """why it tripped or warns"""
 
 
 class StepState(Message):
-    """What is being done."""
+    """The step that is being carried out."""
 
     number: int
+    """counted from the start of the run"""
     step: str
-    """its type"""
+    """type of the step"""
     window: str
+    """id of the window that it belongs to"""
     text: str
+    """what it does, in words"""
     phase: str
+    """a word for it, such as moving, settling, recording"""
     fraction: float
-    """0 to 1"""
+    """part of the step that is done, 0 to 1"""
     left: float
-    """s to the end of the run, learnt from how long things took so far"""
+    """s to the end of the run, estimated from the duration of earlier steps"""
 
 
 class EquilibriumState(Message):
-    """One row of the table of windows."""
+    """State of one window of the plan."""
 
     window: str
+    """id"""
     role: str
+    """identify, validate or test"""
     state: Literal["waiting", "current", "done"]
     verdict: str = ""
-    """pass, marginal, skipped, fail; empty before"""
+    """pass, marginal, skipped or fail; empty: not judged yet"""
     reason: str = ""
     attempts: int = 0
+    """recordings so far"""
     margin: float | None = None
-    """N that the cable nearest to a tension limit is away from it, at rest"""
+    """N, at rest: the smallest distance of any cable's tension from a limit"""
     amplitude: float | None = None
-    """m, peak to peak of the last recording"""
+    """m, peak to peak, of the last recording"""
 
 
 class Status(Message):
-    """All that is known, ten times a second."""
+    """State of run and rig, ten times a second."""
 
     type: Literal["state"] = "state"
     t: float
+    """s, the service's monotonic clock"""
     wall: str
+    """time of day, ISO 8601"""
     phase: Literal["idle", "running", "paused", "stopping", "ended"]
     latched: bool
-    """the emergency stop is latched: no motion before it is reset"""
+    """true: the emergency stop is latched, and nothing moves before it is reset"""
     latched_why: str = ""
+    """who stopped, and why"""
     commanding: int | None = None
     """number of the client that has the lease"""
     commander: str = ""
-    """what that client calls itself, with its number"""
+    """name of that client, with its number"""
     watching: int = 0
-    """clients"""
+    """number of connected clients"""
     step: StepState | None = None
     winches: tuple[WinchState, ...]
     mocap: MocapState
@@ -193,79 +217,92 @@ class Status(Message):
     guards: tuple[GuardState, ...]
     equilibria: tuple[EquilibriumState, ...]
     loop_late: float = 0.0
-    """s, the longest that the control loop was late during the last second"""
+    """s, largest delay of the control loop during the last second"""
     prompt: int | None = None
     """number of the open prompt"""
 
 
 class Question(Message):
-    """A prompt that waits for its answer; told again to a client that comes late."""
+    """A prompt that waits for an answer; also sent to a client that connects later."""
 
     type: Literal["prompt"] = "prompt"
     number: int
+    """for the answer"""
     kind: str
+    """as in `fidim run --answer`"""
     window: str
+    """id"""
     text: str
+    """the question"""
     choices: tuple[str, ...]
+    """possible answers"""
     displacement: tuple[float, ...] = ()
-    """m, wanted of the main marker's x, y"""
+    """m, requested displacement of the main marker in x and y"""
     default: str = ""
-    """what is answered where nobody does"""
+    """the answer that is given if no client answers"""
     default_after: float | None = None
-    """s"""
+    """s until that answer is given; null: never"""
 
 
 class PromptClosed(Message):
-    """A prompt has its answer, or is no longer asked."""
+    """A prompt was answered or withdrawn."""
 
     type: Literal["prompt-closed"] = "prompt-closed"
     number: int
     choice: str = ""
-    """empty: withdrawn"""
+    """the answer; empty: withdrawn"""
     by: str = ""
+    """who answered"""
 
 
 class Samples(Message):
-    """What came since the last batch, one row a frame: ten batches a second while clients want them."""
+    """Samples since the last message, one row per camera frame; ten messages a second to clients that want them."""
 
     type: Literal["samples"] = "samples"
     window: str
-    """that is being recorded; empty between recordings"""
+    """id of the window that is being recorded; empty between recordings"""
     attempt: int = 0
+    """number of the recording of this window"""
     t: tuple[float, ...]
+    """s, the service's monotonic clock"""
     positions: tuple[tuple[float, float, float] | None, ...]
-    """main marker, m"""
+    """m, of the main marker; null: not seen"""
     tensions: tuple[tuple[float | None, ...], ...]
-    """N, by winch"""
+    """N, one per winch"""
     lengths: tuple[tuple[float | None, ...], ...]
-    """m, by winch"""
+    """m, one per winch"""
 
 
 class Answer(Message):
-    """What came of a command."""
+    """The service's answer to a command."""
 
     type: Literal["answer"] = "answer"
     id: int
+    """number of the command"""
     ok: bool
+    """true: it was carried out"""
     says: str = ""
-    """why not, or what was done"""
+    """what was done, or why not"""
     code: str = ""
-    """of a reset, to be sent back"""
+    """after `reset` without a code: the code to send back"""
 
 
 class Refusal(Message):
-    """A line that is no message, or a client that may not come in; the service closes after it."""
+    """A line was not a valid message, or the client is not admitted; the service then closes the connection."""
 
     type: Literal["refusal"] = "refusal"
     says: str
+    """why"""
 
 
 class Bye(Message):
-    """The service ends."""
+    """The service ends; its last message."""
 
     type: Literal["bye"] = "bye"
     says: str
+    """how the run ended"""
     exit_code: int
+    """as of `fidim run`"""
 
 
 ToClient = Annotated[

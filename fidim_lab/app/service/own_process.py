@@ -64,7 +64,7 @@ async def until_it_listens(place: ServicePlace, process: "subprocess.Popen[bytes
                     return
         if clock.now() - begin > READY_WITHIN:
             process.terminate()
-            raise HardwareError(f"The service has not opened its rig within {READY_WITHIN:g} s; see {place.log}.")
+            raise HardwareError(f"The service did not open its rig within {READY_WITHIN:g} s; see {place.log}.")
         await clock.sleep(POLL)
 
 
@@ -88,11 +88,11 @@ async def end_service(place: ServicePlace) -> str:
     clock = LoopClock()
     with suppress(SetupError, ServiceGoneError, TimeoutError):  # its socket is closed: it is ending already
         if says := await within(clock, ANSWER_WITHIN, _refusal(place)):
-            return f"it goes on: {says}."
+            return f"it continues to run: {says}."
     end = clock.now() + ENDS_WITHIN
     while holder(place) is not None:
         if clock.now() > end:
-            return f"it has not ended within {ENDS_WITHIN:g} s; see {place.log}."
+            return f"it did not end within {ENDS_WITHIN:g} s; see {place.log}."
         await clock.sleep(POLL)
     return ""
 

@@ -79,7 +79,7 @@ def runtime_folder() -> Path:
     except OSError as error:
         raise SetupError(f"{folder}: no folder for sockets: {error.strerror}.", hint=ELSEWHERE) from error
     if not _belongs_to(folder, os.getuid()):
-        what = f"{folder}: must belong to you alone (mode 0700); somebody else made it, or opened it."
+        what = f"{folder}: must belong to you alone (mode 0700), but another user made it or has access."
         raise SetupError(what, hint=ELSEWHERE)
     return folder
 

@@ -12,22 +12,27 @@ INTRODUCTION = f"""# Messages of the service, `{PROTOCOL}`
 Made from `commands.py` and `messages.py` in `fidim_lab/app/service` by `python -m fidim_lab.app.service.reference`;
 a test compares them.
 
-A service (`fidim run`) listens at a Unix socket that only its user can open; `fidim run --tcp PORT` adds 127.0.0.1 with
-a token. Both sides send JSON objects, UTF-8, one a line. A client says `hello` first, and gets `welcome`, `history`, a
-`state` and, where a question is open, its `prompt`. From then on it hears everything, states and samples ten times a
-second, and may send commands; each has one `answer` with its number. A line that is no message of this page gets a
-`refusal`, and the connection is closed; nothing else changes. A client that does not read is dropped after some 2 MB;
-of one that sends more than 20 commands a second (40 at once) the rest is read when their time comes. A line has 32 kB
-at most. 32 clients have places at the socket and 16 on TCP, where who has not said hello makes room for who comes.
+A service (`fidim run`) listens on a Unix socket that only its user can open; `fidim run --tcp PORT` adds a port of
+127.0.0.1, for which a client needs a token. Both sides send JSON objects in UTF-8, one per line.
 
-All texts end on terminals, so both sides make them printable when they arrive: line ends and tabs become spaces, other
-control characters and direction marks their codes (`\\x1b`). A client's name is cut to 40 characters, a reason to 300.
+- The client first sends `hello`. It receives `welcome`, `history`, a `state` and, if a prompt is open, the `prompt`.
+- Then it receives every message, with states and samples ten times a second. It may send commands; each command gets
+  one `answer` with the same number.
+- A line that is not a message of this page gets a `refusal`, and the connection is closed. Nothing else changes.
 
-Any number may watch, one may command (`take-lease`); `e-stop` and the answers to prompts are anybody's. The emergency
-stop is latched when a service begins, and reset in two steps. Numbers are SI. Keys without a default must be there;
-unknown keys are an error. A new key or message is a new version of the protocol.
+Limits: a line has at most 32 kB. A client that does not read is disconnected when some 2 MB wait for it. If a client
+sends more than 20 commands a second (40 at once), the others are read later. At most 32 clients can connect to the
+socket and 16 over TCP; one that has not sent `hello` is disconnected when a new one needs its place.
 
-From Python, `fidim_lab.app.service.client` does all this:
+Texts are shown on terminals, so both sides make them printable on arrival: line ends and tabs become spaces, other
+control characters and direction marks become their codes (`\\x1b`). The name of a client is cut to 40 characters, a
+reason to 300.
+
+Any number of clients may watch, one may command (`take-lease`). Every client may send `e-stop` and answer prompts. The
+emergency stop is latched when a service begins, and is reset in two steps. Numbers are in SI units. A key without a
+default is required; an unknown key is an error. A new key or message means a new version of the protocol.
+
+In Python, use `fidim_lab.app.service.client`:
 
 ```python
 async with connect(path, name="my script") as service:
@@ -41,11 +46,11 @@ async with connect(path, name="my script") as service:
 
 def messages_page() -> str:
     """The whole page."""
-    parts = [INTRODUCTION, "## What a client says\n"]
+    parts = [INTRODUCTION, "## Messages of a client\n"]
     parts += [_section(model, "type") for model in _members(ToService)]
-    parts.append("## Commands\n\nThe `command` of a `command` message.\n")
+    parts.append("## Commands\n\nEach is the `command` of a `command` message.\n")
     parts += [_section(model, "name") for model in _members(Command)]
-    parts.append("## What a service says\n")
+    parts.append("## Messages of a service\n")
     parts += [_section(model, "type") for model in _members(ToClient)]
     parts.append("## Parts of messages\n")
     parts += [_section(model, "") for model in _parts()]

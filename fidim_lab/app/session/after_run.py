@@ -39,12 +39,12 @@ def load_advice(spec: RunSpec, code: int, load: float | None = None, cores: int 
     if code != HardwareError.exit_code or load <= cores or EMERGENCY_STOP in reason:
         return ()
     where = (
-        "The simulated drives share it: what came late did so for that reason, not at the winches."
+        "The simulated drives run on it too: the delays come from this computer, not from the winches."
         if spec.embedded
-        else "What it hears comes late."
+        else "It receives its data late."
     )
     return (
-        f"This computer is overloaded: in the last minute {load:.1f} processes wanted its {cores} cores. {where}",
-        "End what else it computes, then:",
+        f"This computer is overloaded: in the last minute {load:.1f} processes competed for its {cores} cores. {where}",
+        "End other programs on it, then:",
         f"    fidim resume {shlex.quote(str(spec.out))}",
     )

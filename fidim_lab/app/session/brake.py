@@ -21,7 +21,7 @@ from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import RefusedError, SetupError
 
 FORMAT = "fidim-brake/1"
-QUESTION = "A load on this cable falls. Is it secured, and nobody under it?"
+QUESTION = "A load on this cable will fall. Is the load secured, and is nobody under it?"
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def brake_command(options: BrakeOptions) -> int:
     if options.winch not in names:
         raise SetupError(f"{options.rig}: no winch is named {options.winch!r}; there are {', '.join(names)}.")
     if options.release and not options.yes and not click.confirm(QUESTION):
-        raise RefusedError("The brake stays as it is; nothing was sent to the drive.")
+        raise RefusedError("The brake was not changed; nothing was sent to the drive.")
     compose.run_loop(_set(file, names.index(options.winch), applied=not options.release), real_time=True)
     done = "released" if options.release else "applied"
     console.out.print(f"{options.winch}: brake {done}", markup=False)

@@ -47,7 +47,7 @@ def commission_command(options: CommissionOptions) -> int:
     """Try, and keep what was proven; returns the run's exit code. Raises FidimError before anything has moved."""
     if not options.listing and not options.by.strip():
         raise SetupError(
-            "--by: nobody is named; somebody must be at the robot while its stops are tried.",
+            "--by is missing: somebody must be at the robot while its stops are tested.",
             hint='Say --by "A. Name".',
         )
     file = read_rig(options.rig)

@@ -59,7 +59,7 @@ def run_dry_run(options: DryRunOptions) -> int:
     require_new(folder)
     spec = DryRunSpec(seed=options.seed, hide=options.hide, real_time=options.real_time, excite=options.excite)
     world = compose.simulated_world(robot, options.seed, options.hide)
-    with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
+    with Working("planning equilibria with room to swing", options.equilibria + options.validation):
         plan = planned(options, robot)
         with of_file(options.plan):
             experiment = _experiment(spec, plan, robot)
@@ -95,7 +95,7 @@ def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
     report, folder = rehearsal.run(), rehearsal.folder
     console.out.print(_says(report), markup=False)
     if not report.accepted:
-        console.out.print(f"Nothing to identify. The run folder is {folder}", markup=False)
+        console.out.print(f"There is no window to identify from. Run folder: {folder}", markup=False)
         return report.exit_code
     further = ""
     if report.exit_code == 0:
@@ -109,12 +109,12 @@ def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
     if further:
         console.out.print(f"next        {further}", markup=False)
     if report.exit_code:
-        console.out.print(f"next        fidim identify {folder}     with the windows that were accepted", markup=False)
+        console.out.print(f"next        fidim identify {folder}     uses the accepted windows", markup=False)
     return report.exit_code
 
 
 def _says(report: RunReport) -> str:
-    return f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}"
+    return f"run {report.outcome}: {report.reason or 'all windows are judged.'} {report.held_says}"
 
 
 def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) -> str:
@@ -134,7 +134,7 @@ def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) ->
 def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table:
     """Identified parameters beside the hidden true ones, the error in units of the stated uncertainty."""
     true = [*_numbers(truth["s"]), *_numbers(truth["I"])]
-    table = Table(title="Identified beside the hidden truth (s in mm, I in 1e-3 m² per unit mass, about P)")
+    table = Table(title="Identified and true parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
     console.columns(table, "parameter", "identified", "±", "true", "error", "error, %", "error / ±")
     for (name, parameter), value in zip(result.parameters.items(), true, strict=True):
         error = parameter.value - value

@@ -29,10 +29,10 @@ def power_advice(out: Path, rig: Path, left: Path | None) -> tuple[str, ...]:
         return ()
     resume = f"    fidim resume {shlex.quote(str(left)) if left else 'FOLDER_OF_THAT_RUN'}"
     return (
-        "The drives hold the load, as an earlier run or another program has left them.",
-        "To go on with a run that was cut off, the load held all the while:",
+        "The drives hold the load; an earlier run or another program left them so.",
+        "To continue an interrupted run, with the load held throughout:",
         resume,
-        "To begin anew, secure the load, then:",
+        "To start again, secure the load, then:",
         f"    fidim power-off {shlex.quote(str(rig))}",
-        "    and the same fidim run again, with another --out.",
+        "    and repeat the fidim run command with another --out.",
     )

@@ -30,7 +30,9 @@ WATCHED = 1.0
 STILL = 3e-4
 """m of cable in that time: three counts of a coarse encoder (2000 a turn, no gear, drum 30 mm); a brake that slips by
 0.3 mm/s is told, 5 mm in 17 s"""
-ENDED_FIRST = "A service holds the load with the drives' power. End it first; then this takes the power."
+ENDED_FIRST = (
+    "A service holds the load with the drives' power. End the service first (fidim shutdown), then repeat this command."
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def power_off_command(options: PowerOffOptions) -> int:
     if (other := holder(place_of(file, embedded=False))) is not None:
         raise SetupError(in_use(other), hint=ENDED_FIRST)
     if not options.yes and not click.confirm(QUESTION):
-        raise RefusedError("The drives keep what power they have; nothing was sent to them.")
+        raise RefusedError("Nothing was sent to the drives.")
     drives: list[dict[str, object]] = []
     code = compose.run_loop(_power_off(file, options.acknowledged_by, drives), real_time=True)
     write_answer(options.json_file, FORMAT, {"exit_code": code, "drives": drives})
@@ -84,7 +86,7 @@ async def _power_off(file: RigFile, acknowledged_by: str | None, told: list[dict
             failed |= after is DriveState.FAULT
             watched.append(winch)
             told.append({"drive": device, "before": str(before), "after": str(after)})
-            hint = "; look at the cause, then --acknowledge NAME" if after is DriveState.FAULT else ""
+            hint = "; find the cause, then repeat with --acknowledge NAME" if after is DriveState.FAULT else ""
             console.out.print(f"{device}: {before} → {after}{hint}", markup=False)
         failed |= await _turns(watched, clock, told)
     finally:

@@ -63,15 +63,15 @@ def trusted(spec: RunSpec) -> RunSpec:
 
     A folder may be somebody else's. Raises RefusedError for a procedure's file that is not trusted.
     """
-    for name, what in (("on_finish", "after a run that ended well"), ("on_fault", "after one that did not")):
+    for name, what in (("on_finish", "after a successful run"), ("on_fault", "after any other run")):
         command = str(getattr(spec, name))
-        if command and not says_yes(f"run.json has this command carried out {what}: {printable(command)}\nDo so?"):
-            console.warn([f"{name} of run.json is left out; --trust keeps it without a question"])
+        if command and not says_yes(f"run.json asks to execute this command {what}: {printable(command)}\nAllow it?"):
+            console.warn([f"{name} of run.json is ignored; --trust accepts it without asking"])
             spec = spec.model_copy(update={name: ""})
     if spec.procedure.endswith(".py") and not says_yes(
-        f"run.json has this Python file carried out as the procedure: {printable(spec.procedure)}\nDo so?"
+        f"run.json asks to execute this Python file as the procedure: {printable(spec.procedure)}\nAllow it?"
     ):
-        raise RefusedError("Its procedure is a Python file that nobody trusts, so the run does not go on.")
+        raise RefusedError("Its procedure is a Python file that was not allowed, so the run is not continued.")
     return spec
 
 
@@ -80,9 +80,9 @@ def power_hint(reason: str, rig: Path, folder: Path) -> tuple[str, ...]:
     from drivers.cia402.bring_up import NOT_TAKEN_OVER
 
     if NOT_TAKEN_OVER in reason:
-        says, more = "A drive holds the load, but would have to be set anew.", ""
+        says, more = "A drive holds the load, but must be configured again.", ""
     elif f"the drive is in {DriveState.FAULT}" in reason:
-        says, more = "A drive is in fault; somebody has to look at the cause.", ' --acknowledge "YOUR NAME"'
+        says, more = "A drive is in fault; its cause must be found.", ' --acknowledge "YOUR NAME"'
     else:
         return ()
     return (

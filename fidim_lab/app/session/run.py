@@ -136,10 +136,10 @@ def require_answers(work: Work) -> None:
     missing = [kind.value for kind in asked if kind not in answers]
     if work.spec.alone and missing:
         raise SetupError(
-            f"Unattended, but nobody would answer these prompts: {', '.join(missing)}.",
-            hint="State an answer to each, or do not leave it alone: "
+            f"--unattended, but these prompts have no answer: {', '.join(missing)}.",
+            hint="Give an answer to each, or run without --unattended: "
             + "; ".join(f"--answer {kind}={' or '.join(asked[PromptKind(kind)])}" for kind in missing)
-            + ". KIND=CHOICE@S answers after S s. excite and compare-by-winches need nobody.",
+            + ". KIND=CHOICE@S answers after S seconds. excite and compare-by-winches have no prompts.",
         )
 
 
@@ -165,8 +165,8 @@ def _refuse_answers(work: Work, asked: Mapping[PromptKind, tuple[str, ...]]) -> 
     for kind, answer in _answers(work).items():
         choices = asked.get(kind)
         if choices is None and not work.spec.procedure.endswith(".py"):
-            what = f"it asks {', '.join(asked)}" if asked else "it asks nothing"
-            raise SetupError(f"--answer {kind}={answer.choice}: {work.spec.procedure} does not ask this; {what}.")
+            what = f"its prompts are {', '.join(asked)}" if asked else "it has no prompts"
+            raise SetupError(f"--answer {kind}={answer.choice}: {work.spec.procedure} has no such prompt; {what}.")
         if choices is not None and answer.choice not in choices:
             raise SetupError(f"--answer {kind}={answer.choice}: the choices are {', '.join(choices)}.")
 
@@ -185,7 +185,7 @@ def _quiet_hours(text: str | None) -> tuple[str, str] | None:
     except ValueError:
         raise SetupError(f"--quiet-hours {text}: HH:MM-HH:MM is expected, from 00:00 to 23:59.") from None
     if begin == end:
-        raise SetupError(f"--quiet-hours {text}: they end when they begin, so no hour is quiet, or every one.")
+        raise SetupError(f"--quiet-hours {text}: begin and end are the same time.")
     return span
 
 

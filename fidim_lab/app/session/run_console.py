@@ -15,8 +15,8 @@ from procedures.operators import ConsoleOperator
 
 EXIT_INTERRUPTED = 130
 STAYS = (
-    "The service stays (--stay), and this terminal with it. In another one: fidim ui goes on, fidim shutdown ends it; "
-    "power is taken from the drives after that (fidim power-off)."
+    "The service continues to run (--stay), and so does this terminal. In another terminal, fidim ui attaches to it "
+    "and fidim shutdown ends it; then fidim power-off switches off the drives."
 )
 
 
@@ -49,8 +49,8 @@ class Console:
         bye = self._service.bye
         if bye is None:
             raise HardwareError(
-                "The service has ended without a word: it was killed, or it failed.",
-                hint=f"Its drives stop by themselves when they miss its heartbeat. Then: fidim resume {folder}",
+                "The service has ended without a message: it was killed or has failed.",
+                hint=f"Its drives stop by themselves when its heartbeat is missing. Then: fidim resume {folder}",
             )
         console.out.print(bye.says, markup=False)
         for line in whereabouts(folder):

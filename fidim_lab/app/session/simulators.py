@@ -65,9 +65,7 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
         for number, name in enumerate(named, start=1):
             _say(f"serial {number}: {name}")
         serial = ", serial K" if named else ""
-        _say(
-            f"ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K{serial} (again puts it back), fault K, off K"
-        )
+        _say(f"ready; Ctrl-C ends. Type a failure: bus, mocap, drive K{serial} (undo it with “again”), fault K, off K")
         lines = _standard_input(asyncio.get_running_loop())
         while devices.served.failure is None:
             try:

@@ -44,7 +44,7 @@ def stop_command(rig: Path | None, reason: str, not_understood: str = "", json_f
     found = running(places)
     if not found:
         others = ", ".join(printable(who.folder) for _, who in running(all_places()))
-        of_rig = f"No service of {rig} is running; {others} goes on. To stop all: fidim stop."
+        of_rig = f"No service of {rig} is running; {others} is still running. To stop all: fidim stop."
         console.out.print(of_rig if others else "No service is running.", markup=False)
         write_answer(json_file, FORMAT, {"exit_code": 1, "services": []})
         return 1
@@ -85,7 +85,7 @@ async def _press(place: ServicePlace, reason: str) -> str:
 async def _end(place: ServicePlace, pid: int) -> str:
     """End a process that holds the rig and does not answer: its drives miss its heartbeat then, and stop."""
     if not pid:
-        return "Which process it is cannot be told, so none was ended."
+        return "Its process is not known, so none was ended."
     clock = LoopClock()
     for number in (signal.SIGTERM, signal.SIGKILL):
         with suppress(ProcessLookupError):
@@ -95,7 +95,7 @@ async def _end(place: ServicePlace, pid: int) -> str:
             if (now := holder(place)) is None or now.pid != pid:
                 return f"Its process {pid} was ended ({number.name})."
             await clock.sleep(LOOK)
-    return f"Its process {pid} does not end."
+    return f"Its process {pid} could not be ended."
 
 
 def _keep(place: ServicePlace, who: Holder, reason: str) -> str:

@@ -38,8 +38,8 @@ def tension_calibrate_command(campaign: Path, json_file: Path | None) -> int:
     for number, winch in enumerate(found, start=1):
         console.out.print(_line(number, winch), markup=False, highlight=False)
     console.out.print(
-        "offset is added to what the rig file had when this was recorded; mass and geometry are the robot file's: "
-        "1 % of mass is 1 % of gain",
+        "The offset is in addition to that of the rig file used for the recording. Mass and geometry are those of the "
+        "robot file; an error of 1 % in mass causes 1 % in gain.",
         markup=False,
     )
     winches = [{k: _finite(v) for k, v in asdict(winch).items()} for winch in found]
@@ -53,12 +53,14 @@ def _rests(campaign: Path) -> tuple[Rests, str]:
     if len(readings) >= FEWEST:
         robot = read_robot(campaign / ROBOT)
         against = "load cells" if all(r.load_cells is not None for r in readings) else "statics"
-        return rests_of_readings(robot, robot.nominal, readings), f"{len(readings)} tension checks, against {against}."
+        return rests_of_readings(
+            robot, robot.nominal, readings
+        ), f"{len(readings)} tension checks, compared with {against}."
     read = read_campaign(campaign)
     return (
         rests_of(read.robot, read.robot.nominal, read.windows),
-        f"{len(read.windows)} windows; a swing's mean is not its rest, so bands are wide: "
-        "fidim run PLAN --procedure tension-check gives narrow ones.",
+        f"{len(read.windows)} windows; the mean of a swing is not the rest tension, so the bands are wide. "
+        "fidim run PLAN --procedure tension-check gives narrower ones.",
     )
 
 
@@ -104,7 +106,7 @@ def _table(found: tuple[WinchCalibration, ...]) -> Table:
 def _line(number: int, winch: WinchCalibration) -> str:
     """What goes into the rig file, or why nothing does."""
     if winch.problem:
-        return f"winch {number}: not usable, {winch.problem}; record rests whose tensions differ more"
+        return f"winch {number}: not usable, {winch.problem}; record rest poses whose tensions differ more"
     values = f"gain = {winch.gain:.2f}, offset = {winch.offset:.2f}, friction = {winch.friction:.2f}"
     if math.isfinite(winch.scatter):
         load = f", load_friction = {winch.load_friction:.3f}" if winch.load_friction else ""

@@ -18,7 +18,7 @@ LASTS = 10.0
 """s after which a screen that fails was a working one"""
 FAILURES = 3
 """screens in a row that fail sooner: the next would, too"""
-NO_KEY = "No key stops the robot here: fidim stop does, in any terminal, or the hardware stop."
+NO_KEY = "No key of this screen stops the robot now. Use fidim stop in any terminal, or the hardware stop."
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def finder_for(folder: Path | None, rig: Path | None) -> Finder:
     if folder is not None and rig is not None:
         raise SetupError("Give a run folder or --rig, not both.")
     if folder is not None and not folder.is_dir():
-        raise SetupError(f"{folder}: is no folder; a run folder is expected, or --rig RIG.toml.")
+        raise SetupError(f"{folder} is not a folder; a run folder is expected, or --rig RIG.toml.")
     return Finder(rig=None if rig is None else read_rig(rig), folder=folder)
 
 
@@ -64,7 +64,7 @@ def need_terminal(instead: str) -> None:
     """
     if "TEXTUAL_DRIVER" in os.environ or (sys.stdin.isatty() and sys.stderr.isatty()):  # it draws on stderr
         return
-    raise SetupError("The UI needs a terminal, and its input or its output is none.", hint=f"Use {instead} here.")
+    raise SetupError("The UI needs a terminal, but its input or output is not one.", hint=f"Use {instead} here.")
 
 
 def run_ui(finder: Finder, folder: Path | None, *, light: bool = False) -> None:
@@ -80,9 +80,9 @@ def run_ui(finder: Finder, folder: Path | None, *, light: bool = False) -> None:
         if app.fault is None:
             return
         failures = failures + 1 if time.monotonic() - begun < LASTS else 1
-        says = f"✗ The screen has failed and begun anew ({_where(app.fault)})."
+        says = f"✗ The screen has failed and was restarted ({_where(app.fault)})."
         if failures >= FAILURES:
-            raise OurBugError(f"The screen fails again and again: {_where(app.fault)}.", hint=NO_KEY) from app.fault
+            raise OurBugError(f"The screen fails repeatedly: {_where(app.fault)}.", hint=NO_KEY) from app.fault
 
 
 def _where(fault: BaseException) -> str:

@@ -55,9 +55,7 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
     """Plan, start the service, attach; returns 0 when the person has left. Raises FidimError before anything opens."""
     require_new(folder)
     with tempfile.TemporaryDirectory(prefix="fidim-ui-") as inputs:
-        with Working(
-            "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
-        ):
+        with Working("planning equilibria with room to swing", options.equilibria + options.validation):
             spec = make_spec(options, folder, Path(inputs))
             need_terminal("fidim dry-run without --ui")
             work = prepare(spec)
@@ -136,7 +134,7 @@ def _leave(place: ServicePlace, process: "subprocess.Popen[bytes]", folder: Path
         with suppress(subprocess.TimeoutExpired):
             process.wait(timeout=END_WITHIN)
     if process.poll() is None:
-        console.out.print(f"The run goes on. fidim ui {folder} attaches again, fidim stop stops it.", markup=False)
+        console.out.print(f"The run continues. fidim ui {folder} attaches again, fidim stop stops it.", markup=False)
     elif folder.exists():
         console.out.print(f"run folder  {folder}", markup=False)
     return 0

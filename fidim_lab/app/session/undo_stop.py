@@ -22,8 +22,8 @@ from fidim_lab.data.rigs.stop_file import read_stop, stop_path
 from fidim_lab.errors import RefusedError, SetupError
 
 QUESTIONS = (
-    "1 of 2: has the cause gone?",
-    "2 of 2: is nobody at the platform and the cables?",
+    "1 of 2: has the cause been removed?",
+    "2 of 2: is nobody near the platform and the cables?",
 )
 FORMAT = "fidim-reset/1"
 YES = "yes"
@@ -41,7 +41,7 @@ def confirmed(spec: RunSpec, *, asks: bool = True) -> str:
         return ""
     if not asks:
         raise RefusedError(
-            f"The emergency stop is latched: {found.sentence}. An unattended run does not undo it.",
+            f"The emergency stop is latched: {found.sentence}. An unattended run cannot reset it.",
             hint=f"Look at the robot, then: fidim reset --rig {shlex.quote(str(spec.rig))}",
         )
     ask(found.sentence)
@@ -68,7 +68,7 @@ def stop_hint(spec: RunSpec) -> tuple[str, ...]:
         return ()
     return (
         f"The emergency stop is latched: {found.sentence}.",
-        "When its cause has gone, and nobody is at the cables (it asks both):",
+        "When its cause has been removed and nobody is near the cables (it asks for both):",
         f"    fidim resume {shlex.quote(str(spec.out))}",
     )
 
@@ -119,7 +119,7 @@ async def _reset(place: ServicePlace, stopped: Path) -> str:
 def _rigs(folder: Path | None, rig: Path | None) -> list[tuple[ServicePlace, Path]]:
     """Where a service would be, and where its stop is kept."""
     if (folder is None) == (rig is None):
-        raise SetupError("Give a run folder or --rig, one of them.")
+        raise SetupError("Give either a run folder or --rig.")
     if folder is not None:
         spec = again(read_spec(folder), folder.absolute())
         file = read_rig(spec.rig, opened=False)
@@ -148,5 +148,7 @@ def _reset_file(stopped: Path) -> str:
     try:
         stopped.unlink(missing_ok=True)
     except OSError as error:
-        raise SetupError(f"{stopped}: cannot be removed, so the stop stays: {error.strerror or error}.") from error
+        raise SetupError(
+            f"{stopped}: cannot be removed, so the stop remains latched: {error.strerror or error}."
+        ) from error
     return found.sentence

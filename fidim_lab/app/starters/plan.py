@@ -24,7 +24,7 @@ SEED = 1
 
 def plan_text(path: Path, robot_file: Path, robot: Robot) -> str:
     """A plan as text. Raises InfeasibleError where the robot rests nowhere within its limits."""
-    further = f"""This one shows the form; with the twelve places that tell most:
+    further = f"""This one shows the form; with the twelve most informative places:
     fidim design --robot {robot_file} --out design"""
     if not can_be_designed(robot):  # three free motions or more: nobody displaces a marker in so many coordinates
         further = f"""This one shows the form; with twelve places at random, as rehearsal/plan.toml:
@@ -54,7 +54,7 @@ def _planned(window: PlannedWindow, *, first: bool) -> list[Section]:
     says = "One table for each window, in the order in which they are recorded." if first else ""
     sections = [Section("[[window]]", PlannedWindowTable, values, says, silent=not first)]
     if first:
-        pose = "The whole pose at rest, where lengths alone do not tell it."
+        pose = "The whole pose at rest, where lengths alone do not determine it."
         sections.append(Section("[window.pose]", PoseTable, says=pose, commented=True))
     return sections
 

@@ -82,7 +82,7 @@ def _winches(wish: RigWish) -> list[Section]:
             Section(f"[every_winch.{key}]", model, says=says, commented=True)
             for key, model, says in (
                 ("stop", tables.StopTable, "What a drive does by itself: CiA 402 option codes."),
-                ("temperature", tables.TemperatureTable, "Where the drive tells its temperature."),
+                ("temperature", tables.TemperatureTable, "If the drive reports its temperature."),
                 ("sto", tables.SignalTable, "Input that is on while safe torque off is."),
                 ("brake_output", tables.SignalTable, "Output that applies the holding brake."),
             )

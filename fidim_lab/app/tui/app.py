@@ -162,7 +162,7 @@ class FidimUi(App[None]):
         """The service of the run that this screen shows."""
         folder = self.stage.folder(view)
         if folder is None:
-            raise SetupError("This screen has seen no run.", hint="fidim run PLAN --rig RIG begins one.")
+            raise SetupError("This screen has no run yet.", hint="fidim run PLAN --rig RIG starts one.")
         return await reopen(folder)
 
     async def _confirm(self, title: str, says: tuple[str, ...], yes: str) -> bool:

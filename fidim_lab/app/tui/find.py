@@ -42,9 +42,9 @@ class Finder:
             wanted = self.folder.resolve()
             places = [place for place, who in running(places) if Path(who.folder).resolve() == wanted]
             why = f"{self.folder}: no service runs in this folder now"
-            left = ". r starts it again, for what is left of its run" if (self.folder / RUN).is_file() else ""
+            left = ". r starts it again, to continue its run" if (self.folder / RUN).is_file() else ""
             return _one(places, why + left, known)
-        why = "no service is running. fidim run PLAN --rig RIG starts one; fidim ui FOLDER, then r, goes on with a run"
+        why = "no service is running. fidim run PLAN --rig RIG starts one; fidim ui FOLDER, then r, continues a run"
         return _one(places, why, known)
 
 
@@ -56,5 +56,5 @@ def _one(places: list[ServicePlace], otherwise: str, known: Path | None) -> Foun
     if len(chosen) == 1:
         return FoundService(chosen[0][0], who=chosen[0][1])
     folders = ", ".join(who.folder for _, who in chosen)
-    why = f"several services are running ({folders}): give fidim ui the folder of one"
+    why = f"several services are running ({folders}): start fidim ui with the folder of one"
     return FoundService(None, why, several=tuple(socket for socket, _ in chosen))

@@ -111,7 +111,7 @@ def _predicted(mechanism: Mechanism, body: Body, window: Window) -> dict[str, An
     measured = measure(mechanism, Campaign("live", robot, rate, (window,)), window, Recipe())
     found = predict(mechanism, body, measured)
     if found is None:
-        return {"doubt": "the model does not follow this motion"}
+        return {"doubt": "the model cannot follow this motion"}
     motion = found.motion
     times = motion.t[0] + np.arange(0.0, REACH, STEP)
     pose = Pose(motion.positions[0], motion.rotations[0])

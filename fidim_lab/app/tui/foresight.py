@@ -56,7 +56,7 @@ class Foresight:
 
     def __init__(self) -> None:
         self.found: Foreseen | None = None
-        self.doubt = "the model's prediction comes after some seconds"
+        self.doubt = "the model's prediction starts after some seconds"
         self._process: asyncio.subprocess.Process | None = None
         self._asking: asyncio.Task[None] | None = None
         self._asked: tuple[tuple[str, int], float] = (("", 0), 0.0)
@@ -116,7 +116,7 @@ class Foresight:
     async def _told(self, request: str) -> dict[str, Any]:
         """The worker's answer, or why there is none."""
         if self._process is None or self._process.stdin is None or self._process.stdout is None:
-            return {"doubt": "its process has not begun"}
+            return {"doubt": "its process has not started"}
         try:
             self._process.stdin.write(request.encode() + b"\n")
             await self._process.stdin.drain()

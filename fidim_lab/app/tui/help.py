@@ -1,39 +1,39 @@
-"""The words of the help screens."""
+"""Texts of the help screens."""
 
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, line, wrapped
 from fidim_lab.app.tui.screens.bars import TABS
 
 KEYS = (
-    ("F12 Ctrl+E", "EMERGENCY STOP: all winches at once, at any time, without asking. Anybody may."),
-    ("r", "undo a stop, in every state: read why, then y to each question"),
+    ("F12 Ctrl+E", "EMERGENCY STOP: all winches at once, at any time, without a question. Every client may."),
+    ("r", "reset a stop, in every state: read its reason, then answer y to each question"),
     ("g", "go: start the run"),
-    ("p", "pause: stop on the ramp, hold with power on; p again: verify the place, go on"),
+    ("p", "pause: stop on the ramp and hold, with power on; p again: check the place, continue"),
     ("k", "skip the present window, with a reason"),
-    ("o", "once more: record the present window again"),
+    ("o", "repeat: record the present window again"),
     ("x", "abort the run; the robot is held"),
-    ("t", "take command from another client (only one commands; all may watch)"),
-    ("1 … 7", "the screens; 7 again: the next quantity to plot"),
-    ("i  e", "identify, explain: in a process of their own, from the windows recorded so far"),
-    ("/", "filter the log: words that must occur, -word that must not; Esc leaves it"),
-    ("d", "… or whatever letter is shown: answers an open prompt"),
-    ("Ctrl+P", "command palette; also light and dark"),
-    ("q", "leave. The run goes on; fidim ui attaches again"),
+    ("t", "take command from another client (one commands, all may watch)"),
+    ("1 … 7", "show a screen; 7 again: plot the next quantity"),
+    ("i  e", "identify, explain: from the windows recorded so far, in a separate process"),
+    ("/", "filter the log: word must occur, -word must not; Esc ends the filter"),
+    ("d", "or another letter that is shown: answer the open prompt"),
+    ("Ctrl+P", "command palette, also for light and dark colours"),
+    ("q", "leave the UI; the run continues, fidim ui attaches again"),
 )
 ABOUT = {
-    "Session": "The step at hand and every equilibrium: tension margin (N to the nearest limit at rest), amplitude "
+    "Session": "The present step and every equilibrium: tension margin (N to the nearest limit at rest), amplitude "
     "(peak to peak of the last recording), tries, and the verdict with its reason. ✓ pass, ~ marginal, ✗ fail.",
     "Rig": "Each winch: the state of its drive, cable length, speed (positive pays out), tension between its limits, "
-    "temperature and following error where the drive reports them. A value that is too old is greyed and says its age. "
+    "temperature and following error where the drive reports them. A value that is too old is grey, with its age. "
     "Guards that have tripped or warn come first, with the reason.",
-    "Window": "The main marker's x, y, z as it is recorded. After two seconds the model (CAD, or this run's result) is "
-    "fitted to the initial state and runs ahead; Δ is the distance of what is recorded from what was predicted. It "
-    "is fitted once more after four seconds, and not to more: Δ is to show what the body does not explain.",
+    "Window": "The main marker's x, y, z while it is recorded. After two seconds the initial state of the model (CAD, "
+    "or this run's result) is fitted and its motion is predicted; Δ is the distance between recording and prediction. "
+    "The state is fitted again after four seconds and not later, so that Δ shows what the body does not explain.",
     "Result": "The nine parameters with 95 % intervals, against CAD (in standard deviations; ! beyond 3) and the last "
     "session beside this run's folder; each window's σ⊥, rms and χ²/dof; what to measure next.",
     "Why": "What fidim explain found: verdict, named effects with their parameters, where they show, what else was "
     "tried, held-out windows before and after.",
-    "Log": "Everything that has happened, newest last.",
-    "Plot": "What the service has told during the last two minutes, a curve for each winch: tension; then, by 7 again, "
+    "Log": "All events, the newest last.",
+    "Plot": "The last two minutes, one curve for each winch: tension; each further 7 shows the next quantity: "
     "length, speed, following error, temperature, the main marker, and bus, control loop and cameras.",
 }
 COLUMN = 12
@@ -49,5 +49,5 @@ def help_lines(current: int, width: int) -> list[Line]:
         first, *more = wrapped(says, width - COLUMN)
         rows.append(line(Span(f"{keys:{COLUMN}}", "key"), first))
         rows += [line(" " * COLUMN + text) for text in more]
-    last = wrapped("Esc closes this. F12 stops the robot from here, too.", width)
+    last = wrapped("Esc closes this help. F12 stops the robot here, too.", width)
     return [*rows, EMPTY, *(line(Span(text, "dim")) for text in last)]

@@ -106,14 +106,14 @@ class Link:
                     self.tracker.take(message, self._clock.now())
             finally:
                 self._service = None
-        self.tracker.lose("The connection has ended: the service was killed, or it dropped this screen. Trying again.")
+        self.tracker.lose("The connection was lost: the service was killed, or disconnected this screen. Trying again.")
 
     async def _greeted(self, stack: AsyncExitStack, socket: Path) -> ServiceClient:
         try:
             connecting = stack.enter_async_context(connect(socket, name=NAME))
             return await within(self._clock, GREETS_WITHIN, connecting)
         except TimeoutError:
-            what = f"A service is there ({socket}), but it has not greeted this screen within {GREETS_WITHIN:g} s."
+            what = f"A service is running ({socket}), but did not answer this screen within {GREETS_WITHIN:g} s."
             raise HardwareError(what) from None
 
     def _is_another_rig(self, socket: Path, welcome: Welcome | None) -> bool:

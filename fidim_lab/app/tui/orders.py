@@ -77,7 +77,7 @@ class Orders:
                 if reason := await self._person.reasons("Skip the present window. Why?", "by the operator"):
                     await self._send(Skip(reason=reason), "the window is skipped")
             case "retry":
-                await self._send(Retry(reason="by the operator"), "the window will be recorded once more")
+                await self._send(Retry(reason="by the operator"), "the window will be recorded again")
             case "abort":
                 await self._abort()
             case "lease":
@@ -86,12 +86,12 @@ class Orders:
     async def _pause(self) -> None:
         status = self._link.view().status
         if status is not None and status.phase == "paused":
-            await self._send(Resume(), "going on, if the robot is where it was held")
+            await self._send(Resume(), "continuing, if the robot is where it was held")
         else:
             await self._send(Pause(reason="by the operator"), "pausing: the robot will be held")
 
     async def _abort(self) -> None:
-        says = ("The run ends here, the robot is held. What was recorded stays; fidim resume goes on later.",)
+        says = ("The run ends now, with the robot held. Recordings are kept; fidim resume continues the run later.",)
         if await self._person.confirms("Abort the run?", says, "abort"):
             await self._send(Abort(reason="by the operator"), "aborting: the robot is being held")
 
@@ -107,7 +107,7 @@ class Orders:
             if first is None or not first.code:
                 return
             if why and first.says != first_words(why):
-                self._person.says(f"✗ not reset, stopped meanwhile. {first.says}")
+                self._person.says(f"✗ not reset: another stop came meanwhile. {first.says}")
                 return
             await self._send(Reset(code=first.code), "the emergency stop is reset")
 
@@ -121,15 +121,15 @@ class Orders:
             return await self._person.confirms("Reset the emergency stop?", (*says, *nobody), RESET)
         asked = "Reset the emergency stop?"
         return await self._person.confirms(
-            f"{asked} 1 of 2", (*says, "Has the cause gone?"), "it has gone"
+            f"{asked} 1 of 2", (*says, "Has its cause been removed?"), "it was removed"
         ) and await self._person.confirms(f"{asked} 2 of 2", nobody, RESET)
 
     async def _start_again(self, view: ScreenState) -> None:
         says = (
-            "The run of this screen has ended. Its service is started again, for what is left of the run.",
-            "Nothing moves yet: r resets the emergency stop then, g goes on.",
+            "The run of this screen has ended. Its service will be started again to continue the run.",
+            "Nothing moves yet. Then r resets the emergency stop and g continues the run.",
         )
-        if not await self._person.confirms("Go on with this run?", says, "start its service"):
+        if not await self._person.confirms("Continue this run?", says, "start its service"):
             return
         self._person.says("starting the service: it opens the rig …")
         try:
@@ -137,7 +137,7 @@ class Orders:
         except FidimError as error:
             self._person.says(f"✗ not started: {error}")
             return
-        self._person.says(f"{said}The service is there again. r resets the emergency stop, g goes on.")
+        self._person.says(f"{said}The service runs again. r resets the emergency stop, g continues the run.")
 
     async def _lease(self, *, asked: bool = False, then: str = "") -> bool:
         """Whether this client commands now; where another does, a person decides."""
@@ -148,9 +148,9 @@ class Orders:
         if view.commands:
             return True
         if view.commander:
-            says = (f"{view.commander} commands the robot now; only one can. It will go on watching.",)
+            says = (f"{view.commander} commands the robot now; only one client can. It will still watch.",)
             if then:
-                says = (*says, f"Once you command, what you have ordered is done: {then}.")
+                says = (*says, f"Then your order is carried out: {then}.")
             if not await self._person.confirms("Take command?", says, "take command"):
                 return False
         answer = await self._try(TakeLease(force=bool(view.commander)))
@@ -161,8 +161,8 @@ class Orders:
     async def _change_rig(self, offer: Welcome) -> None:
         says = (
             f"This screen belongs to the rig “{self._link.rig}”, which has no service now.",
-            f"The rig “{offer.rig}” has one, with the run “{offer.run}” in {offer.folder}.",
-            "Orders and the emergency stop go to that rig then.",
+            f"The rig “{offer.rig}” has a service, with the run “{offer.run}” in {offer.folder}.",
+            "After the change, orders and the emergency stop act on that rig.",
         )
         if await self._person.confirms(f"Change to the rig “{offer.rig}”?", says, "change"):
             self._link.change_rig()
@@ -177,7 +177,7 @@ class Orders:
         try:
             answer = await self._link.command(command)
         except HardwareError as error:
-            self._person.says(f"✗ {command.name} not done: {error}")
+            self._person.says(f"✗ {command.name} was not carried out: {error}")
             return None
         if not answer.ok:
             self._person.says(f"✗ {command.name}: {answer.says}")

@@ -19,7 +19,7 @@ async def reopen(folder: Path) -> str:
     """Start the service of the run in this folder; returns what was left out. Raises FidimError where it cannot be."""
     spec, place, says = await Aside(LoopClock()).run(lambda: _read(folder))
     if (who := holder(place)) is not None and serves(who, folder) and (refusal := await end_service(place)):
-        raise RefusedError(f"The service of this run is there, and {refusal}")
+        raise RefusedError(f"The service of this run is still running, and {refusal}")
     with service_process(spec, place) as process:
         await until_it_listens(place, process)
     return says
@@ -30,9 +30,9 @@ def _read(folder: Path) -> tuple[RunSpec, ServicePlace, str]:
     if spec.procedure.endswith(".py"):
         raise RefusedError(
             f"The procedure is a Python file ({spec.procedure}).",
-            hint=f"Whether it is to be trusted is asked by: fidim resume {folder}",
+            hint=f"To be asked whether to execute it: fidim resume {folder}",
         )
-    says = "Its commands on-finish and on-fault are left out. " if spec.on_finish or spec.on_fault else ""
+    says = "Its commands on-finish and on-fault will not be executed. " if spec.on_finish or spec.on_fault else ""
     spec = spec.model_copy(update={"on_finish": "", "on_fault": ""})
     file = read_rig(spec.rig)
     return spec, place_of(file, embedded=spec.embedded, run=spec.own_place), says

@@ -46,7 +46,7 @@ class Stage:
         self.tabs = Board(id="tabs", grow=True)
         self.prompt = Board(id="prompt", grow=True)
         self.keys = Board(id="keys", grow=True)
-        self.filter = Input(id="filter", placeholder="words, -not these; Enter or Esc: back")
+        self.filter = Input(id="filter", placeholder="words, -without these; Enter or Esc: back")
         self.boards = [Board(id=f"board-{name.lower()}", follow=name == "Log") for name in TABS]
         self._room = ContentSwitcher(initial=self.boards[0].id)
         self._given = folder

@@ -75,7 +75,7 @@ class TokenServer(Server):
 
     async def on_startup(self, app: web.Application) -> None:
         """Say where it is."""
-        sys.stdout.write(f"The UI is at {self.address}\nCtrl-C ends it; the run goes on.\n")
+        sys.stdout.write(f"The UI is at {self.address}\nCtrl-C ends the UI; the run continues.\n")
         sys.stdout.flush()
 
     async def handle_index(self, request: web.Request) -> web.StreamResponse:  # type: ignore[override]
@@ -99,12 +99,12 @@ class TokenServer(Server):
 
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if request.host not in (f"{HOST}:{self.port}", f"localhost:{self.port}"):
-            raise web.HTTPForbidden(text="This UI is served to this computer only.")
+            raise web.HTTPForbidden(text="This UI is available on this computer only.")
         if request.headers.get("Origin", f"http://{request.host}") != f"http://{request.host}":
-            raise web.HTTPForbidden(text="This UI answers no other page.")
+            raise web.HTTPForbidden(text="This UI accepts no requests from other pages.")
         followed = request.path == "/" and request.headers.get("Sec-Fetch-Dest") == "document"  # a link, from anywhere
         if not followed and request.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
-            raise web.HTTPForbidden(text="This UI answers no other page.")
+            raise web.HTTPForbidden(text="This UI accepts no requests from other pages.")
         return await handler(request)
 
 
@@ -127,5 +127,5 @@ def serve(folder: Path | None, rig: Path | None, port: int, *, light: bool = Fal
     try:
         web.run_app(server.make_app(), host=HOST, port=port, print=None)
     except OSError as error:
-        what = f"--port {port}: {HOST}:{port} cannot be listened at: {error.strerror or error}."
-        raise SetupError(what, hint="Another fidim ui --web may be there; give another --port.") from error
+        what = f"--port {port}: {HOST}:{port} cannot be used: {error.strerror or error}."
+        raise SetupError(what, hint="Another fidim ui --web may use it; choose another --port.") from error

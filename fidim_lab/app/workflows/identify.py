@@ -43,7 +43,7 @@ def run_identify(
     Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
     """
     if paper and method not in (None, Method.TLS):
-        raise SetupError(f"--paper is a form of total least squares; it does not go with --method {method}.")
+        raise SetupError(f"--paper is a form of total least squares; it cannot be used with --method {method}.")
     if method is not None:
         method_named(method)
     return identify_posed(read_posed(campaign_folder, poses), method, paper=paper, predict=predict)
@@ -116,7 +116,7 @@ def closing_sentence(result: IdentificationResult) -> str:
     s_z = result.parameters["s_z"]
     if s_z.spread is None:
         return (
-            "With fewer than three windows nothing shows the model error: total least squares states only its nominal "
+            "With fewer than three windows the model error is not known: total least squares states only its nominal "
             "sd, which are several times too small on a real robot."
         )
     ratio = max((p.spread or 0.0) / p.sd for p in result.parameters.values() if p.sd > 0)
@@ -130,13 +130,13 @@ def closing_sentence(result: IdentificationResult) -> str:
         )
         return (
             f"The model lacks something ({found} times what noise explains). By the spread between windows {size}, but "
-            "total least squares turns unmodelled physics into wrong parameters in every window alike, which no spread "
-            "shows: expect errors of the order of 10 % until it is explained."
+            "total least squares turns unmodelled physics into the same wrong parameters in every window, which the "
+            "spread does not show: expect errors of the order of 10 % until it is explained."
         )
     agree = "The windows agree within what noise explains"
     if ratio > SPREAD_SEEN:
-        agree = f"{fitted} windows are few, and the answer leans on single ones"
+        agree = f"{fitted} windows are few, so the answer depends on single windows"
     return (
-        f"{agree}: {size}. Total least squares sees neither geometry nor length "
-        "errors that are the same in all windows; held-out σ⊥ and χ²/dof are the test of that."
+        f"{agree}: {size}. Total least squares does not see errors of geometry or "
+        "lengths that are the same in all windows; held-out σ⊥ and χ²/dof test this."
     )

@@ -68,7 +68,7 @@ class _Cleaner:
         for index in objects.keys() & set(self._listed):
             del self._listed[index]
         for index, (section, key) in self._listed.items():
-            self._say(section, key, f"{index:04X} is listed, and no section [{index:04X}] describes it: passed over")
+            self._say(section, key, f"{index:04X} is listed, and no section [{index:04X}] describes it: ignored")
         self._emit("DeviceInfo")  # canopen misses it aloud
         self._silent = self._says_nothing_of_pdos(objects)
         for index, entry in objects.items():
@@ -84,7 +84,7 @@ class _Cleaner:
                 if index < _FIRST:
                     self._types[index] = number(section.text("defaultvalue")) or 0
                 elif at > _LAST_SUB:
-                    self._say(section, "", "there are no sub-indices beyond FF: passed over")
+                    self._say(section, "", "there are no sub-indices beyond FF: ignored")
                 else:
                     entry = objects.setdefault(index, _Object())
                     entry.subs[at] = self._first(entry.subs.get(at), section)
@@ -265,7 +265,7 @@ class _Cleaner:
             return "", ""
         if low and high and int(low) >= int(high):
             if int(low) > int(high):
-                self._say(section, "lowlimit", f"limits {low} to {high} leave no value: passed over")
+                self._say(section, "lowlimit", f"limits {low} to {high} leave no value: ignored")
             return "", ""
         return low, high
 
@@ -277,7 +277,7 @@ class _Cleaner:
             return text if re.fullmatch(r"(?:[0-9a-fA-F]{2}\s*)*", text) else ""
         value = self._float(text) if kind in FLOATS else self._fitting(section, key, text, kind)
         if value is None and not quiet:
-            self._say(section, key, f"{text[:20]!r} is no value of its type: passed over")
+            self._say(section, key, f"{text[:20]!r} is not a value of its type: ignored")
         return value or ""
 
     @staticmethod

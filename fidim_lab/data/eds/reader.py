@@ -43,6 +43,6 @@ def _read(path: Path, data: bytes, node_id: int) -> EdsFile:
     try:
         dictionary = import_eds(io.StringIO(text), node_id)
     except Exception as error:  # canopen raises whatever its parser meets
-        raise FileError(path, "", f"is no EDS file: {error}", hint="Please report this file.") from error
+        raise FileError(path, "", f"is not an EDS file: {error}", hint="Please report this file.") from error
     vendor, product = ("", "") if info is None else (info.text("vendorname"), info.text("productname"))
     return EdsFile(path, vendor, product, dictionary, tuple(sorted((*repairs, *more), key=lambda r: r.line)))

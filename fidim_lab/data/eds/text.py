@@ -86,7 +86,7 @@ def parse_sections(path: Path, data: bytes) -> tuple[list[EdsSection], list[Repa
                 sections[-1].name = _COMMENT.sub("", name).strip()
                 repairs.append(Repair(sections[-1].name, number, "the bracket is not closed"))
         elif not sections:
-            repairs.append(Repair("", number, f"{_short(line)} stands before the first section: passed over"))
+            repairs.append(Repair("", number, f"{_short(line)} stands before the first section: ignored"))
         else:
             _take(sections[-1], line, number, repairs)
     return sections, repairs
@@ -121,7 +121,7 @@ def _decode(data: bytes) -> tuple[str, list[Repair]]:
             text = data.decode("latin-1")
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        repairs.append(Repair("", line, "bytes of 0: passed over"))
+        repairs.append(Repair("", line, "bytes of 0: ignored"))
         text = text.replace("\0", "")
     lines = text.replace("\r\n", "\n").replace("\r", "\n")
     return re.sub(r"[\v\f\x1c-\x1e\x85\u2028\u2029]", " ", lines), repairs  # splitlines would count them
@@ -130,13 +130,13 @@ def _decode(data: bytes) -> tuple[str, list[Repair]]:
 def _take(section: EdsSection, line: str, number: int, repairs: list[Repair]) -> None:
     parted = re.match(r"([^=:]*?)\s*[=:]\s*(.*)$", line)
     if parted is None:
-        repairs.append(Repair(section.name, number, f"{_short(line)} is no KEY=VALUE: passed over"))
+        repairs.append(Repair(section.name, number, f"{_short(line)} is not KEY=VALUE: ignored"))
         return
     key = re.sub(r"\s", "", parted[1])
     value = _COMMENT.sub("", parted[2]).strip()
     if len(value) > 1 and value[0] == value[-1] and value[0] in "\"'":
         value = value[1:-1].strip()
-        repairs.append(Repair(section.name, number, "the quotes around the value are passed over"))
+        repairs.append(Repair(section.name, number, "the quotes around the value are ignored"))
     if key.lower() not in _TEXTS and "#" in value:
         value = value.partition("#")[0].strip()
         repairs.append(Repair(section.name, number, "what follows # is taken as a comment"))

@@ -73,7 +73,7 @@ def open_input(path: Path, limit: int) -> Generator[BufferedReader]:
 
 def _opened(path: Path, limit: int) -> BufferedReader:
     if "\0" in str(path):
-        raise FileError(path, "", "is no file's name: there is a NUL in it")
+        raise FileError(path, "", "is not a file name: it contains a NUL")
     _check(path, path.stat(), limit)  # before it is opened: opening a device may already move it
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
     file = open(descriptor, "rb")  # noqa: PTH123, SIM115 - of a descriptor; `open_input` closes it

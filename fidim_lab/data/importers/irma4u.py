@@ -150,7 +150,7 @@ def read_log(path: Path, cables: int) -> RobotLog:
         raise FileError(path, f"{LOG}.t", f"{len(t)} samples; a log has at least {MIN_LOG}")
     if (np.diff(t) <= 0.0).any():
         sample = int(np.argmax(np.diff(t) <= 0.0)) + 2
-        raise FileError(path, f"{LOG}.t", f"time does not go on at sample {sample} ({t[sample - 1]:g} s)")
+        raise FileError(path, f"{LOG}.t", f"time does not increase at sample {sample} ({t[sample - 1]:g} s)")
     log = RobotLog(
         source=path,
         t=t,

@@ -41,7 +41,7 @@ def proposed_map(path: Path) -> str:
     words = _words(split[-1], decimal) if split else frozenset()
     first = next((k for k, cells in enumerate(split) if _is_data(cells, decimal, words)), None)
     if first is None:
-        found = f"first {len(rows)} lines", "no row of four numbers or more: this is no table of markers"
+        found = f"first {len(rows)} lines", "no row of four numbers or more: this is not a table of markers"
         raise FileError(path, *found, hint=_hint(split, words))
     columns: list[Column] = list(_names(split[:first], len(split[first]))) or list(range(1, len(split[first]) + 1))
     return "\n".join(_lines(path, columns, words)) + "\n"
@@ -70,7 +70,7 @@ def _lines(path: Path, columns: Sequence[Column], words: frozenset[int]) -> list
         if below is None
         else f"nanoseconds = {json.dumps(below, ensure_ascii=False)}",
         '#unit = "mm"                  # found by the robot file where left out',
-        '#up = "z"                     # alike',
+        '#up = "z"                     # default: found',
     ]
     for name, places in triples.items():
         wxyz = quaternions.get(name)

@@ -52,10 +52,11 @@ def read_motive(path: Path) -> MarkerLog:
         delimiter = delimiter_of(text[:1])
         rows = list(csv.reader(text, delimiter=delimiter))
     except csv.Error as error:
-        raise FileError(path, "", f"is no CSV: {error}") from None
+        raise FileError(path, "", f"is not a CSV: {error}") from None
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False)) if rows else {}
     if "Format Version" not in head:
-        raise FileError(path, "line 1", "is no Tracking Data export: 'Format Version' was expected.", hint=NO_HEADER)
+        what = "is not a Tracking Data export: 'Format Version' was expected."
+        raise FileError(path, "line 1", what, hint=NO_HEADER)
     if head.get("Coordinate Space", "Global").strip().lower() == "local":
         what = "'Local': places are given in the frame of what they belong to, which moves."
         raise FileError(path, "line 1, Coordinate Space", what, hint="Export with Coordinate Space: Global.")
@@ -85,7 +86,7 @@ def read_motive(path: Path) -> MarkerLog:
     t, rate, column = clocked(path, header_rate(path, 1, said_rate), values[:, 0], values[:, 1])
     lengths = f"lengths in {unit.lower()}, " if unit else ""
     said = (f"{lengths}{rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
-    said += (f"rigid bodies are passed over: {turns[:20]!r} is no order of angles",) if labelled and unknown else ()
+    said += (f"rigid bodies are ignored: {turns[:20]!r} is not an order of angles",) if labelled and unknown else ()
     said += ("markers are those that Motive set by its rigid body: no other has a label",) if solved else ()
     seen = _places(values, loose.values(), scale)
     known = bool(unit)
@@ -128,7 +129,7 @@ def _columns(
                 name = f"{name}'"  # the same word for all that have no label
             thing = found.setdefault((kind, name), {})
             if thing.setdefault(f"{quantity} {axis}", column) != column:
-                raise FileError(path, f"column {column + 1}", f"{kind} {name[:60]!r} is there twice")
+                raise FileError(path, f"column {column + 1}", f"{kind} {name[:60]!r} occurs twice")
     return {key: columns for key, columns in found.items() if {f"Position {axis}" for axis in "XYZ"} <= columns.keys()}
 
 

@@ -35,7 +35,7 @@ def read_trc(path: Path) -> MarkerLog:
     delimiter = "\t" if any("\t" in line for line in text[:1]) else SPACES
     lines = [cells_of(line, delimiter) or [""] for line in text]
     if len(lines) < HEADER_LINES or lines[0][0].strip() != "PathFileType":
-        raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected.", hint=NO_HEADER)
+        raise FileError(path, "line 1", "is not a TRC file: 'PathFileType' was expected.", hint=NO_HEADER)
     head = dict(zip((cell.strip() for cell in lines[1]), (cell.strip() for cell in lines[2]), strict=False))
     if lines[3][0].strip().rstrip("#").lower() != "frame":
         raise FileError(path, "line 4", "'Frame#' was expected first")

@@ -97,7 +97,7 @@ def _check_interface(path: Path, name: str) -> None:
         near = nearest(name, BACKENDS)
         meant = f"; the nearest is {near!r}" if near else ""
         known = ", ".join(sorted(BACKENDS))
-        raise FileError(path, "bus, interface", f"{name!r} is no interface of python-can{meant}. It has {known}.")
+        raise FileError(path, "bus, interface", f"{name!r} is not an interface of python-can{meant}. It has {known}.")
 
 
 def _checked(path: Path, table: RigTable, robot_file: Path, *, opened: bool) -> Robot:
@@ -158,7 +158,7 @@ def _cable_problems(path: Path, table: RigTable, robot: Robot) -> Iterator[FileE
         yield FileError(
             path,
             "robot",
-            f"{table.robot} has no [winch] table, so motor currents tell no tension and no limit can be kept",
+            f"{table.robot} has no [winch] table, so motor currents give no tension and no limit can be checked",
             hint="Add drum_radius, gear_ratio, efficiency and torque_constant to it.",
         )
     for number, (ours, theirs) in enumerate(zip(table.winch, robot.winches or (), strict=False), start=1):

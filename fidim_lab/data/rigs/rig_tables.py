@@ -62,7 +62,7 @@ class TensionTable(Table):
     @model_validator(mode="after")
     def _whole(self) -> "TensionTable":
         if self.friction is None and (self.scatter is not None or self.load_friction):
-            raise ValueError("friction: is missing; scatter and load_friction are what is left beside it")
+            raise ValueError("friction: is missing; scatter and load_friction are what remains besides it")
         return self
 
 
@@ -134,7 +134,7 @@ class RigWinchTable(Table):
     @model_validator(mode="after")
     def _ordered(self) -> "RigWinchTable":
         if self.load == "torque" and self.rated_torque is None:
-            raise ValueError("rated_torque: is missing; a drive tells its torque as a part of it (load)")
+            raise ValueError("rated_torque: is missing; a drive reports its torque as a fraction of it (load)")
         low, high = self.length_limits
         if low >= high:
             raise ValueError(f"length_limits: the shortest, {low:g} m, is not below the longest, {high:g} m")

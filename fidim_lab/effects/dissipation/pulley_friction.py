@@ -46,7 +46,7 @@ class PulleyFrictionByTension(NamedEffect):
 
     id: ClassVar[str] = "pulley-friction"
     variant: ClassVar[str] = "by tension"
-    says: ClassVar[str] = "loss at the wrap that goes with the tension, torque −arm τ tanh(φ̇ / 0.01 rad/s)"
+    says: ClassVar[str] = "loss at the wrap in proportion to the tension, torque −arm τ tanh(φ̇ / 0.01 rad/s)"
     source: ClassVar[str] = "Coulomb; Euler and Eytelwein for a cable that slips on its groove"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("arm", "m", "friction takes energy", scale=5e-5, low=0.0, high=0.1, start=1e-4),

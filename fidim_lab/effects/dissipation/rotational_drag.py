@@ -63,7 +63,7 @@ class RotationalDragQuadratic(NamedEffect):
 
     id: ClassVar[str] = "rotational-drag-quadratic"
     says: ClassVar[str] = "drag of turbulent air on a body that turns, T = −c ‖ω‖ ω"
-    source: ClassVar[str] = "Rayleigh's drag of each surface element, whose speed goes with ω"
+    source: ClassVar[str] = "Rayleigh's drag of each surface element, whose speed is proportional to ω"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N m s²", "drag takes energy", scale=0.02, low=0.0, high=10.0, start=0.02),
     )

@@ -173,7 +173,7 @@ def _one(
     problem = ""
     if sd_gain > WELL_KNOWN * gain:
         problem = (
-            f"its gain is known to ± {sd_gain / gain:.0%} only: tensions from {low:.0f} to {high:.0f} N tell too little"
+            f"its gain is known to ± {sd_gain / gain:.0%} only: tensions of {low:.0f} to {high:.0f} N differ too little"
         )
     known = (directed, load_friction, scatter) if both else (0.0, 0.0, np.inf)
     return WinchCalibration(gain, sd_gain, offset, sd_offset, friction, (low, high), len(tension), *known, problem)

@@ -66,13 +66,13 @@ def _stitched(
 def _notes(ordered: dict[tuple[int, ...], list[str]], stitched: dict[str, int]) -> tuple[str, ...]:
     said = [
         f"The markers stand in another order than in the robot file in {', '.join(ids)}: its markers 1 to {len(order)} "
-        f"are the recorded {', '.join(str(k + 1) for k in order)}, by the distances between them. That order is used."
+        f"are the recorded {', '.join(str(k + 1) for k in order)}, by the distances between them. This order is used."
         for order, ids in ordered.items()
     ]
     if stitched:
         where = ", ".join(f"{name} ({count})" for name, count in stitched.items())
         said.append(
-            f"Markers are exchanged in some samples of {where}: by the distances between them, their names are put "
-            "right."
+            f"Markers are exchanged in some samples of {where}: by the distances between them, their names are "
+            "corrected."
         )
     return tuple(said)

@@ -41,7 +41,7 @@ class LowPass:
         """For people."""
         return (
             f"The markers were low-passed at about {self.cutoff:.2g} Hz, or upsampled, before they were exported "
-            "(above it their noise is gone): what is left is delayed, or smeared, by an unknown filter. Export them "
+            "(above it their noise is gone): the residual is delayed, or smeared, by an unknown filter. Export them "
             "unfiltered."
         )
 

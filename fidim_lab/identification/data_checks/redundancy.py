@@ -113,7 +113,9 @@ def markers_against_lengths(mechanism: Mechanism, posed: list[PosedMarkers]) -> 
         found.append(float(np.mean(one.poses.misfit[good] ** 2)))
         noise = float(np.mean(one.noise[good] ** 2)) * (count - mechanism.freedoms) / count
         expected.append(noise + resolution**2 * _by_lengths(one))
-    return _compared(name, rows, found, expected, "the markers miss the poses that the held lengths allow by")
+    return _compared(
+        name, rows, found, expected, "the distance between the markers and the poses that the cable lengths allow is"
+    )
 
 
 def _by_lengths(one: PosedMarkers) -> float:
@@ -142,7 +144,9 @@ def rigid_markers(campaign: Campaign, windows: list[tuple[Window, np.ndarray, np
         expected.append(2 * float(np.mean(noise**2)))
     if not rows:
         return None
-    return _compared("rigid-markers", rows, found, expected, "distances between markers differ from the robot file by")
+    return _compared(
+        "rigid-markers", rows, found, expected, "the difference of marker distances from the robot file is"
+    )
 
 
 def pose_against_lengths(mechanism: Mechanism, posed: list[PosedMarkers]) -> Redundancy | None:
@@ -163,7 +167,7 @@ def pose_against_lengths(mechanism: Mechanism, posed: list[PosedMarkers]) -> Red
     if not rows:
         return None
     return _compared(
-        "pose-lengths", rows, found, expected, "cable lengths from the markers' pose differ from the encoders by"
+        "pose-lengths", rows, found, expected, "the difference between cable lengths by markers and by encoders is"
     )
 
 
@@ -215,8 +219,8 @@ def _compared(
     contradicts = rms > DATA_CHECKS.redundancy_contradicts * noise
     ids = [row.id if isinstance(row, Window) else row.window.id for row in rows]
     worst = int(np.argmax(found))
-    says = f"Over {len(rows)} windows {what} {rms * 1e3:.3g} mm rms, {rms / noise:.1f} times what noise gives"
+    says = f"In {len(rows)} windows {what} {rms * 1e3:.3g} mm rms, {rms / noise:.1f} times that of noise"
     says += f" (most in {ids[worst]}, {np.sqrt(found[worst]) * 1e3:.3g} mm)" if contradicts else ""
-    says += ": the kinematics are contradicted before any dynamics." if contradicts else ": the kinematics agree."
+    says += ": the kinematics disagree, whatever the dynamics." if contradicts else ": the kinematics agree."
     windows = tuple((each, float(np.sqrt(value))) for each, value in zip(ids, found, strict=True))
     return Redundancy(name, contradicts, rms, noise, "m", windows, says)

@@ -91,7 +91,7 @@ def _simulated(
     if not made.windows:
         raise RefusedError(
             "No window can be simulated with the body that least squares finds, so there are no instruments.",
-            hint="Instruments need cable lengths (l1…ln) and taut cables; --method tls does without.",
+            hint="Instruments need cable lengths (l1…ln) and taut cables; --method tls does not need them.",
         )
     return made
 

@@ -102,13 +102,13 @@ class Hausman:
             return f"No sign that noise in the regressor biases least squares ({figures})."
         if not self.biased:
             return (
-                f"Noise in the regressor goes with the errors of the equations ({figures}), but it moves least squares "
-                f"by at most {self.shift:.2f} sd ({self.parameter}): it does not matter here."
+                f"Noise in the regressor correlates with the errors of the equations ({figures}), but it moves least "
+                f"squares by at most {self.shift:.2f} sd ({self.parameter}): it does not matter here."
             )
         return (
-            "Least squares is biased: noise in the regressor, or physics that the model lacks, goes with the errors of "
-            f"the equations ({figures}) and moves {self.parameter} by {self.shift:.1f} sd. Instruments (iv) remove the "
-            "first, not the second."
+            "Least squares is biased: noise in the regressor, or physics that the model lacks, correlates with the "
+            f"errors of the equations ({figures}) and moves {self.parameter} by {self.shift:.1f} sd. "
+            "Instruments (iv) remove the first, not the second."
         )
 
 

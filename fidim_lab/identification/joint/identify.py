@@ -119,13 +119,13 @@ def _refuse(campaigns: Sequence[Campaign]) -> None:
         raise SetupError(f"{len(campaigns)} campaigns; a joint fit takes {FEWEST} to {MOST}.")
     if len(set(names)) < len(names):
         raise SetupError(
-            f"campaign.toml, name: {', '.join(names)}; a joint fit tells campaigns apart by their names.",
+            f"campaign.toml, name: {', '.join(names)}; a joint fit needs different names.",
             hint="Give each campaign.toml a name of its own.",
         )
     for campaign in campaigns:
         if (why := soft_mode(campaign)) is not None:
             raise RefusedError(
-                f"{campaign.name}: its cables hold one direction hardly at all ({why}); a joint fit has rigid cables.",
+                f"{campaign.name}: its cables hardly hold one direction ({why}); a joint fit has rigid cables.",
                 hint="Identify it by itself, or leave it out.",
             )
 

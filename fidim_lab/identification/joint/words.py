@@ -32,7 +32,7 @@ def message(ended: ResultOutcome, whole: JointFit, figures: Figures) -> str:
     if ended is ResultOutcome.NOT_CONVERGED:
         parts.append(whole.optimum.ending.value)
     if figures.unseen:
-        parts.append(f"Not seen by these recordings: {', '.join(figures.unseen)}.")
+        parts.append(f"Not determined by these recordings: {', '.join(figures.unseen)}.")
     if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
         parts.append(f"Not well identified: {', '.join(loose)}.")
     return " ".join(parts)
@@ -48,7 +48,7 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
         )
     if whole.layout.dissipating:
         said.append(
-            f"Friction was fitted with the body, alike for all cables and campaigns: {_sizes(whole)}. It takes up "
+            f"Friction was fitted with the body, equal for all cables and campaigns: {_sizes(whole)}. It takes up "
             "what dissipates, and does not prove where; `fidim explain` asks that."
         )
     if any(piece.guessed for piece in whole.layout.pieces):

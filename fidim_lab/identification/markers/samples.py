@@ -117,6 +117,6 @@ def _lost(window: Window, skip: LostFrames, row: int, step: float) -> Finding:
     t = (float(window.t[row - 1]), float(window.t[row]))
     says = (
         f"Window {window.id}: {skip.frames} frames ({skip.frames * step * 1e3:.0f} ms) are lost between {t[0]:.3f} and "
-        f"{t[1]:.3f} s, though the time stamps go on: the motion is smooth only with them in between."
+        f"{t[1]:.3f} s, though the time stamps are continuous: the motion is smooth only with these frames inserted."
     )
     return Finding(DefectKind.SKIP, window.id, "t", t, float(skip.frames), "samples", says)

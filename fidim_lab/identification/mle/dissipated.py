@@ -42,9 +42,9 @@ class Loss:
     def says(self) -> str:
         """A sentence for a person."""
         return (
-            f"The recorded motion dies out, and the model's does not: half of its energy is lost in "
+            f"The recorded motion decays, that of the model does not: half of its energy is lost in "
             f"{plain(float(np.log(2.0)) / self.rate, 2)} s, in all {self.windows} windows. What is missing dissipates: "
-            "drag, friction in cables, pulleys or attachments, something loose, or a hand that brakes."
+            "drag, friction in cables, pulleys or attachments, something loose, or a hand that brakes it."
         )
 
 

@@ -135,8 +135,8 @@ def message(ended: ResultOutcome, found: Fit, figures: Figures) -> str:
     ]
     if 0 < figures.moved <= consistency.ALLOWED:
         parts.append(
-            f"The best fit alone is {figures.moved:.2g} sd outside of what can exist, along what these recordings "
-            "hardly tell; the nearest existing body is given."
+            f"The best fit is {figures.moved:.2g} sd outside of the possible bodies, in a direction that these "
+            "recordings hardly determine; the nearest possible body is given."
         )
     elif eigenvalue > 0:
         far = plain(in_sd) if in_sd <= FAR else f"more than {FAR}"
@@ -144,7 +144,7 @@ def message(ended: ResultOutcome, found: Fit, figures: Figures) -> str:
     if ended is ResultOutcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if figures.unseen:
-        parts.append(f"Not seen by these recordings: {', '.join(figures.unseen)}.")
+        parts.append(f"Not determined by these recordings: {', '.join(figures.unseen)}.")
     if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
         parts.append(f"Not well identified: {', '.join(loose)}.")
     return " ".join(parts)
@@ -161,7 +161,7 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
             "nearest possible body."
         )
     said += [
-        f"The data do not determine {combination}: it stays where CAD has it."
+        f"The data do not determine {combination}: it stays at its CAD value."
         for combination in found.open_combinations
         if combination.weights[0][0] in PARAMETER_NAMES  # what is fitted beside the body may stay open: it has priors
     ]
@@ -176,27 +176,29 @@ def closing(result: IdentificationResult) -> str:
     lever = abs(s_z.value - result.attachment_plane)
     error = max(s_z.sd, s_z.spread or 0.0)
     size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
-    size = size if s_z.seen else "s_z is not seen"
+    size = size if s_z.seen else "s_z is not determined"
     held = _held_out(result.windows)
     judged = ""
     if held:
         values = plain(min(held)) if len(held) == 1 else f"{plain(min(held))} to {plain(max(held))}"
         judged = f", and held-out windows with χ²/dof of {values}"
     spread = result.leave_one_out is not None
-    basis = "By the spread between windows" if spread else "By the sd alone, with too few windows to see a spread,"
+    basis = (
+        "By the spread between windows" if spread else "By the sd only, since there are too few windows for a spread,"
+    )
     if result.outcome is ResultOutcome.MISFIT:
         return (
-            f"The model lacks something: it follows the recordings to {result.noise_ratio:.2g} times their noise"
-            f"{judged}. {basis} {size}, but an error that all windows share does not show in it. "
-            "Ask fidim explain what is missing."
+            f"The model lacks something: its residual is {result.noise_ratio:.2g} times the noise"
+            f"{judged}. {basis} {size}; an error that is the same in all windows is not included. "
+            "Run fidim explain to find what is missing."
         )
     if any(SOMETHING in warning for warning in result.warnings):
         return (
-            f"Little is left besides noise{judged}, but more than chance. {basis} {size}. Ask fidim explain what is "
-            "missing."
+            f"Little more than noise is left{judged}, but more than chance explains. {basis} {size}. "
+            "Run fidim explain to find what is missing."
         )
-    alone = "" if spread else ", by the sd alone: too few windows to see a spread"
-    return f"The model explains the recordings to their noise{judged}: {size}{alone}."
+    alone = "" if spread else " by the sd only, since there are too few windows for a spread"
+    return f"The model explains the recordings down to noise{judged}: {size}{alone}."
 
 
 def window_notes(found: Fit, w: int) -> tuple[str, ...]:
@@ -204,7 +206,7 @@ def window_notes(found: Fit, w: int) -> tuple[str, ...]:
     notes = list(journey_notes(found.journey, w))
     misfit = found.misfits[w] * 1e3
     if misfit > CONTRADICTION_MM:
-        notes.append(f"cable lengths and markers miss each other by {misfit:.1f} mm at its start")
+        notes.append(f"cable lengths and markers differ by {misfit:.1f} mm at its start")
     return tuple(notes)
 
 
@@ -212,7 +214,7 @@ def journey_notes(journey: Journey, w: int) -> tuple[str, ...]:
     """The history of one recording on the way to full length, and its springs that were slack at the end."""
     if w in journey.slack:
         t, cable = journey.slack[w]
-        return (f"cable {cable} goes slack {t:.2f} s after its begin; what follows is not used",)
+        return (f"cable {cable} goes slack {t:.2f} s after its start; the rest is not used",)
     if w in journey.lost:
         return (f"the simulated motion loses its phase; only the first {journey.ends[w]:.2g} s are used",)
     return _slack_springs(journey, w)
@@ -272,13 +274,13 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
         if left.whiteness is not None and left.whiteness > COLOURED
     }
     if coloured:
-        said.append(f"What is left is not white (1 would be) in {counted(coloured)}: {', '.join(coloured.values())}.")
+        said.append(f"The residual is not white (white: 1) in {counted(coloured)}: {', '.join(coloured.values())}.")
     worst = 2 * max(1.0, found.chi2_per_dof)
     bad = [w.id for w in windows if w.role is Role.VALIDATE and (w.chi2_per_dof or 0.0) > worst]
     if bad:
         said.append(
-            f"Held-out windows {', '.join(bad)} fit at least twice as badly as those of the fit: another body or a "
-            "touch there, or a model that holds only where it was fitted."
+            f"Held-out windows {', '.join(bad)} fit at least twice as badly as those of the fit: the body was "
+            "changed or touched, or the model is valid only where it was fitted."
         )
     return said
 
@@ -292,5 +294,5 @@ def _spread_warnings(figures: Figures) -> list[str]:
         return []
     return [
         f"The spread between windows is up to {ratio[worst]:.0f} times the sd ({PARAMETER_NAMES[worst]}): "
-        "believe the spread."
+        "use the spread as the uncertainty."
     ]

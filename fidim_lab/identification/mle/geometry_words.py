@@ -45,7 +45,7 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     explained = surveyed.found.excess <= MISFIT
     moved = furthest(told, explained=explained)
     if moved and not explained:
-        moved = f"{moved} Whether it is off is not known before that is named (fidim explain)."
+        moved = f"{moved} Whether the geometry is wrong is not known before the cause is named (fidim explain)."
     details = [says for says in (moved, *by_encoders, _unseen(surveyed, told)) if says]
     weighed = surveyed.weighed
     if weighed.log_bayes is None:
@@ -53,18 +53,18 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     usual, scaled = _usual(weighed.factors)
     if weighed.log_bayes < ODDS:
         return (
-            f"The robot file has no [survey], and the recordings do not tell whether its geometry is exact: the ± "
-            f"assume {usual}.",
+            f"The robot file has no [survey], and the recordings do not show whether its geometry is exact: every ± "
+            f"assumes {usual}.",
         )
     if not explained:
         return (
             f"With {usual} scaled to {scaled} the recordings fit better (log evidence {weighed.log_bayes:+.3g}), and "
-            "the ± count it; what the model leaves out may feign that.",
+            "every ± includes it; this may also be caused by what the model leaves out.",
             *details,
         )
     return (
         f"The robot file's geometry does not hold exactly: with {usual} scaled to {scaled} the recordings fit better "
-        f"(log evidence {weighed.log_bayes:+.3g}). The geometry was fitted with the body, and the ± count it. State "
+        f"(log evidence {weighed.log_bayes:+.3g}). The geometry was fitted with the body; every ± includes it. State "
         "[survey] in the robot file.",
         *details,
     )
@@ -102,7 +102,7 @@ def furthest(told: Geometry, *, explained: bool) -> str:
         return ""
     named = [says for _, says in sorted(off, reverse=True)[:TOLD]]
     if explained:
-        return f"Clearly off: {'; '.join(named)}."
+        return f"Clearly wrong: {'; '.join(named)}."
     return (
         f"The fit moved {'; '.join(named)}; but it leaves more than noise, and geometry that is left open takes up a "
         "part of whatever is missing."
@@ -139,7 +139,7 @@ def _unseen(surveyed: Surveyed, told: Geometry) -> str:
     if not hidden:
         return ""
     kinds = ", ".join(f"{kind.replace('_', ' ')} ({hidden.count(kind)})" for kind in dict.fromkeys(hidden))
-    return f"Not seen by these recordings, so left as surveyed: {kinds}."
+    return f"Not determined by these recordings, so kept as surveyed: {kinds}."
 
 
 def _away(value: float) -> str:

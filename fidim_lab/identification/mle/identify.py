@@ -63,7 +63,7 @@ class _Side:
 def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) -> IdentificationResult:
     """Identify the body from the `identify` windows by maximum likelihood, judge it on all windows.
 
-    Where the cables hold one direction hardly at all (`choice.soft_mode`), with elastic cables (`soft`).
+    Where the cables hardly hold one direction (`choice.soft_mode`), with elastic cables (`soft`).
 
     native: with compiled C where there is a compiler: the same digits, some five times faster after a few seconds of
     building, once for each robot. predict: also judge the held-out windows.

@@ -108,7 +108,7 @@ class SoftFit:
     def springs(self) -> str:
         """How soft the cables are, what tells so, and what is free beside them."""
         softness = self.found.values[BODY]
-        source = f"by the motion, from {1e6 * SOFTNESS[0]:.0f} ± {1e6 * SOFTNESS[1]:.0f} without load cells that tell"
+        source = f"by the motion, from {1e6 * SOFTNESS[0]:.0f} ± {1e6 * SOFTNESS[1]:.0f} without usable load cells"
         if self.stretch is not None and self.stretch.clear:
             lag = f"which {'lag' if self.stretch.delay >= 0 else 'lead'} by {1e3 * abs(self.stretch.delay):.0f} ms"
             source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"

@@ -41,7 +41,7 @@ class TouchedEnd:
         """A sentence without its end (`LEFT_OUT`)."""
         kept, why = "", "twice as much as the rest of it, as if a hand still touched"
         if self.gently:
-            kept, why = " that were kept", "noise, beside what a hand did"
+            kept, why = " that were kept", "noise, apart from a hand"
         part = f"The {'first' if self.early else 'last'} {self.seconds:.2f} s{kept} of window {self.window}"
         return f"{part} are missed by more than {why}"
 

@@ -64,7 +64,7 @@ def choose_variant(robot: Robot, window: Window, wanted: Variant | None) -> Vari
     variant = wanted or (Variant.FULL if rigid_set else Variant.SURFACE)
     if variant is not Variant.FULL and window.lengths is None:
         raise SetupError(
-            f"Window {window.id} has no cable lengths (l1…ln), and too few markers to do without them.",
+            f"Window {window.id} has no cable lengths (l1…ln), and too few markers to replace them.",
             hint="Record the encoders, or at least three markers that are not in line.",
         )
     if variant is Variant.SURFACE and 3 * int(seen.sum()) < robot.freedoms:

@@ -81,7 +81,7 @@ def rotation_vectors(rotations: Rotations, reference: Matrix3) -> Positions:
     largest = float(np.nanmax(np.linalg.norm(out, axis=1), initial=0.0))
     if largest > MAX_ANGLE:
         raise InfeasibleError(
-            f"The platform turns by {np.rad2deg(largest):.0f}° from its mean pose: that is no free oscillation.",
+            f"The platform turns by {np.rad2deg(largest):.0f}° from its mean pose: this is not a free oscillation.",
             hint="Check marker labels (two swapped markers look like this), or cut the window.",
         )
     return out

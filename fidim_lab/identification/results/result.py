@@ -21,16 +21,16 @@ class ResultOutcome(Enum):
 
     CONVERGED = "The inertial parameters are identified."
     MISFIT = (
-        "The best fit was found, but the model does not explain the recordings: the parameters carry the error of what "
-        "is missing."
+        "The best fit was found, but the model does not explain the recordings: the parameters are wrong by an "
+        "unknown amount."
     )
     LOST_PHASE = (
         "The simulated motion could not follow most of the recordings to their end: the model is wrong, and so are the "
         "parameters."
     )
     NOT_CONVERGED = "The fit was ended before it had converged; the parameters are not the best ones."
-    DOUBTFUL = "Identified in part: some parameters that matter are not seen, or known to no better than 10 %."
-    UNSEEN = "The model explains the recordings, but these show none of the nine parameters by itself."
+    DOUBTFUL = "Partly identified: some important parameters are not determined, or known to no better than 10 %."
+    UNSEEN = "The model explains the recordings, but these do not determine any of the nine parameters separately."
     IMPOSSIBLE_BODY = "Parameters were found, but no body can have them; do not use them."
 
     def __str__(self) -> str:
@@ -115,7 +115,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class AnchorByEncoder:
-    """What the encoder of one cable says of its anchor, its zero unknown: a witness that no fit has heard."""
+    """What the encoder of one cable says of its anchor, its zero unknown: independent information that no fit uses."""
 
     cable: int
     """1-based"""

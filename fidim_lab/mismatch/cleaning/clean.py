@@ -50,9 +50,9 @@ class Cleaned:
             return None
         worst = max(compared, key=lambda one: one.ratio)
         meaning = (
-            "Geometry, stretch or the sensors' frames are involved: no force does that."
+            "The cause is geometry, stretch or the sensors' frames; no force can cause this."
             if worst.contradicts
-            else "What is missing acts as a force, an inertia or a clock, not as geometry."
+            else "What is missing is a force, an inertia or a clock error, not geometry."
         )
         return f"{worst.says} {meaning}"
 
@@ -69,7 +69,7 @@ def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
     (swapped cables, other units, a mirrored or turned frame), or where no marker moves beyond its noise: nothing that
     is fitted then means anything.
     """
-    say("looking at samples and kinematics")
+    say("checking samples and kinematics")
     _refuse_stillness(campaign)  # of what is still, nothing tells frames and files apart
     screened = clean_recordings(campaign, kinematics=True)
     seen, recordings = screened.screening, screened.recordings

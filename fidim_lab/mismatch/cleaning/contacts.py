@@ -51,11 +51,11 @@ class Contact:
         shown = (
             f"χ²/dof {self.ratio:.3g} times that before and after"
             if self.gain is None
-            else f"after it the platform moves as from another start: χ² is {self.gain:.0f} less with one"
+            else f"afterwards the platform moves as from a new start, which lowers χ² by {self.gain:.0f}"
         )
         return (
-            f"Window {self.window}: from {self.begin:.2f} to {self.end:.2f} s the motion is not free, as with a hand "
-            f"on the platform ({shown}); it is left out."
+            f"Window {self.window}: from {self.begin:.2f} to {self.end:.2f} s the motion is not free, as if a hand "
+            f"touched the platform ({shown}); this time is not used."
         )
 
 

@@ -55,7 +55,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
     ):
         says = (
             f"Window {window.id}: {best} frames ({best * step * 1e3:.0f} ms) are lost between {t[0]:.2f} and "
-            f"{t[1]:.2f} s, though the time stamps go on: with them put back the motion is free."
+            f"{t[1]:.2f} s, though the time stamps are continuous: with these frames inserted the motion is free."
         )
         return Finding(DefectKind.SKIP, window.id, "t", t, float(best), "samples", says)
     if still < CLEANING.odd_windows_carried and CLEANING.odd_windows_better * still < chi2[0]:
@@ -64,7 +64,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
         axis, size = int(np.argmax(np.abs(by[marker]))), float(np.linalg.norm(by[marker]))
         says = (
             f"Window {window.id}: between {t[0]:.2f} and {t[1]:.2f} s {marker_name(marker)} jumps by {size * 1e3:.3g} "
-            f"mm (mostly {'xyz'[axis]}) and stays there; the motion goes on as if nothing had happened."
+            f"mm (mostly {'xyz'[axis]}) and stays there; the motion continues unchanged."
         )
         return Finding(DefectKind.JUMP, window.id, marker_channel(marker, axis), t, size, "m", says)
     return None

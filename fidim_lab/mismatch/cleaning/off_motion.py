@@ -59,7 +59,7 @@ class _Off:
 
     def _step(self, row: int, by: np.ndarray) -> Finding:
         t = (float(self.window.t[row]), float(self.window.t[-1]))
-        sign = "; the motion goes on as if nothing had happened."
+        sign = "; the motion continues unchanged."
         return marker_jump(self.window.id, self.marker, by, t, digits=3, sign=sign)
 
 

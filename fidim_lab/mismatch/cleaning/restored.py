@@ -52,7 +52,7 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
         windows += as_audited if len(needed) == len(hands) else _cut(cleaned.campaign, window, needed)
     if (len(contacts), len(faults)) == (len(audited.contacts), len(found)):
         return None
-    say("some of what was cut out follows the completed model: it is put back")
+    say("some samples that were cut out follow the completed model: they are used again")
     campaign = replace(audited.campaign, windows=tuple(windows))
     return replace(audited, campaign=campaign, contacts=tuple(contacts), faults=(*cleaned.faults, *faults))
 

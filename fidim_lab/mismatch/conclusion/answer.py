@@ -1,4 +1,4 @@
-"""The answer in four short parts: verdict, what is certain, what cannot be told apart, what to do next.
+"""The answer in four short parts: verdict, what is certain, what is not known, what to do next.
 
 Words of an explanation whose values are all there already; the parts of one answer have under 120 words.
 """
@@ -22,7 +22,7 @@ MOST_MEMBERS = 2
 HEADS = {
     Verdict.NOTHING_MISSING: "Nothing is missing.",
     Verdict.EXPLAINED: "Left out: {names}.",
-    Verdict.PARTLY_EXPLAINED: "Left out: {names}; something else stays unexplained.",
+    Verdict.PARTLY_EXPLAINED: "Left out: {names}; something else remains unexplained.",
     Verdict.UNKNOWN_PHYSICS: "Something is missing that no effect tested here explains.",
     Verdict.SENSOR_FAULT: "A sensor is at fault, not the physics.",
 }
@@ -34,9 +34,10 @@ def with_answer(told: Explanation) -> Explanation:
     answer = ShortAnswer(
         verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
         certain=" ".join(dict.fromkeys(_certain(told))) or "Nothing beyond the verdict.",
-        not_told_apart=" ".join(_open(told.effects)) or "Nothing: each name has odds over 20 against its rivals."
+        not_told_apart=" ".join(_open(told.effects))
+        or "Nothing; each named effect has odds over 20 to 1 against its rivals."
         if told.effects
-        else "Nothing was named.",
+        else "No effect was named.",
         next=_next(told),
     )
     return replace(told, answer=answer)
@@ -47,9 +48,11 @@ def _figures(told: Explanation) -> str:
     test = told.test
     chi2 = told.chi2_per_dof if test is None else test.chi2_per_dof
     rms = told.rms_mm if test is None else test.rms_mm
-    which = "held-out windows, which also chose the model" if test is None else "test windows, opened once"
+    which = (
+        "held-out windows, which were also used to choose the model" if test is None else "test windows, used only here"
+    )
     if chi2.after is None or not isfinite(chi2.after) or rms.after is None:
-        return "No window was held out to prove it."
+        return "No window was held out to test it."
     if told.verdict is Verdict.NOTHING_MISSING and told.geometry is None:
         return f"χ²/dof {plain(chi2.after)}, {rms.after:.2g} mm ({which})."
     before = "–" if chi2.before is None or not isfinite(chi2.before) else plain(chi2.before)
@@ -73,8 +76,8 @@ def _certain(told: Explanation) -> Iterable[str]:
         off = [value for one in told.geometry.moved if one.what == "anchor" for value in one.by]
         if off:
             rms = (sum(value**2 for value in off) / len(off)) ** 0.5
-            shown = f"{millimetres(rms):.2g} mm (rms) as far as recordings show"
-            yield f"The robot file's anchors are off by {shown}; the ± include this."
+            shown = f"{millimetres(rms):.2g} mm rms, as far as the recordings show"
+            yield f"The anchors in the robot file are wrong by {shown}; every ± includes this."
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
@@ -84,10 +87,10 @@ def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
         for member in cause.likely[:MOST_MEMBERS]:
             members.append(f"{member.id}{_sizes(member.parameters)}")
         if len(members) == 1:
-            members.append("what is not listed")
+            members.append("an effect that is not listed")
         else:
             members[-1] += f" ({100 * cause.weights[0]:.0f} % for the first)"
-        yield f"{' or '.join(members)}."
+        yield f"Whether it is {' or '.join(members)}."
 
 
 def _class(cause: NamedCause) -> str:
@@ -130,5 +133,5 @@ def _next(told: Explanation) -> str:
     if told.geometry is not None and not told.geometry.stated:
         return "State [survey] in the robot file, or measure the anchors again."
     if told.geometry is not None and furthest(told.geometry, explained=True):
-        return "Measure again what is clearly off, or state it less exact in [survey]."
+        return "Measure again what is clearly wrong, or state a larger uncertainty for it in [survey]."
     return "Nothing more is needed."

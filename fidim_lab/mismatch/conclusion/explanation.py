@@ -117,7 +117,7 @@ class ShortAnswer:
     @property
     def parts(self) -> tuple[tuple[str, str], ...]:
         """With their titles."""
-        titles = ("Verdict", "Certain", "Not told apart", "Next")
+        titles = ("Verdict", "Certain", "Not known", "Next")
         return tuple(zip(titles, (self.verdict, self.certain, self.not_told_apart, self.next), strict=True))
 
 

@@ -52,7 +52,7 @@ def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
         suffix = "" if len(ours) == 1 else f" {ours.index(number) + 1}"
         parameters[f"{contact.window} begin{suffix}"] = EffectParameter(contact.begin, contact.sd, "s")
         parameters[f"{contact.window} end{suffix}"] = EffectParameter(contact.end, contact.sd, "s")
-    says = "an unknown wrench during part of a window, as of an operator's hand; the fit leaves these times out"
+    says = "an unknown wrench during part of a window, such as an operator's hand; these times are not fitted"
     return NamedCause(HandContact.id, None, (), parameters, says, single=True)
 
 
@@ -74,13 +74,13 @@ def _message(explanation: Explanation, cleaned: Cleaned, verdict: Verdict) -> st
     if verdict is Verdict.SENSOR_FAULT:
         head = "A sensor is at fault, not the physics: without the faulty samples nothing is missing."
         if explanation.verdict is not Verdict.NOTHING_MISSING:
-            head = "Sensors are at fault: there are samples that no motion gives, and what is left no force explains."
+            head = "Sensors are at fault: some samples fit no motion, and no force explains the rest."
             said.append(cleaned.kinematics or "")
         return " ".join([head, *said, explanation.message])
     if cleaned.contacts:
-        said.insert(0, f"Cut out first: {len(cleaned.contacts)} contacts, as of an operator's hand.")
+        said.insert(0, f"{len(cleaned.contacts)} contacts, such as an operator's hand, were cut out first.")
     elif said:
-        said.insert(0, "Cut out first: faulty samples.")
+        said.insert(0, "Faulty samples were cut out first.")
     said.append(explanation.message)
     if explanation.verdict is not Verdict.NOTHING_MISSING and cleaned.kinematics is not None:
         said.append(cleaned.kinematics)

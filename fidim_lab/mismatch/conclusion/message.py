@@ -120,11 +120,11 @@ def _limits(baseline: Baseline, found: Selection) -> str:
     """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tried."""
     said = f" {alarm_rate(found.first.projected, SHARED.enough).says}"
     if baseline.whole is None:
-        said += " Without effects the model follows no whole window: "
+        said += " Without effects the model cannot follow a whole window: "
         said += f"it was fitted to the first {HORIZONS[2]:g} s of each."
     refused = found.best.held_out.refused
     if refused:
-        said += f" Held-out windows without figures: {'; '.join(refused.values())}"
+        said += f" Held-out windows that could not be judged: {'; '.join(refused.values())}"
     said += f" {found.cut_short}" if found.cut_short else ""
     untested = baseline.tried.untested
     return said + (f" Not tested: {', '.join(untested)}." if untested else "")
@@ -176,8 +176,8 @@ def _outdone(rival: UnknownForce, found: Selection) -> str:
     if found.outdone is None:
         return f"An unknown wrench explains more with fewer parameters ({figures}). {found.best.model.label} {end}"
     return (
-        f"One unknown wrench leaves only noise of all windows ({figures}); {found.outdone.label} explains the first "
-        f"seconds alone, and {end}"
+        f"One unknown wrench leaves only noise in all windows ({figures}); {found.outdone.label} explains only the "
+        f"first seconds and {end}"
     )
 
 
@@ -208,7 +208,7 @@ def _law_without_a_name(terms: Sequence[LawTerm]) -> str:
         return ""
     law = terms[0]
     values = (f"{name} = {p.value:.3g} ± {p.sd:.2g} {p.unit}".removesuffix(" 1") for name, p in law.parameters.items())
-    return f" It is like {law.like}: {law.says}, {', '.join(values)}."
+    return f" The closest law is {law.like}: {law.says}, {', '.join(values)}."
 
 
 def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:
@@ -217,7 +217,8 @@ def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:
     if not any("N" in unit or "kg" in unit for unit in units):
         return ""
     return (
-        f" Sizes in newtons or kilograms assume the robot file's {mass:.4g} kg: free motion shows them per unit mass."
+        f" Sizes in newtons or kilograms assume the robot file's {mass:.4g} kg: free motion gives them only per unit "
+        "mass."
     )
 
 

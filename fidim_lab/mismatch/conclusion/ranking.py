@@ -59,7 +59,7 @@ def _limits(model: Completed, context: Context) -> tuple[bool, str]:
     """Whether everything in it is possible, and what is not, in words that follow others."""
     reasons = [h.effect.plausible(model.theta_of(k)[0], context) for k, h in enumerate(model.tried)]
     impossible = [reason for reason in reasons if reason is not None]
-    bound = " A parameter is held at the bound of what is possible." if any(model.at_bound) else ""
+    bound = " A parameter is at the limit of its possible range." if any(model.at_bound) else ""
     return not impossible and not bound, " ".join((bound, *impossible)).rstrip()
 
 
@@ -67,7 +67,7 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
     model, held = candidate.model, candidate.held_out
     possible, limits = _limits(model, context)
     said = "accepted: " if candidate is named and (model.tried or candidate.is_white) else ""
-    unseen = f"{held.chi2_per_dof:.3f} held out" if held.dof else "nothing held out"
+    unseen = f"{held.chi2_per_dof:.3f} held out" if held.dof else "no window held out"
     why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {unseen}. "
     why += f"{candidate.whiteness.says}{limits}"
     effects = tuple(_name(h.effect) for h in model.tried)
@@ -78,7 +78,7 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
 def _scored(score: Score, found: Selection, named: Candidate, context: Context) -> Ranked:
     tried = score.tried[0]
     possible = tried.effect.plausible(tried.theta(score.theta[0]), context) is None
-    why = f"by score it takes {max(score.gain, 0.0):.0f} off χ² (log-evidence {score.log_evidence:.0f}); not fitted"
+    why = f"not fitted; by its score χ² falls by {max(score.gain, 0.0):.0f} (log-evidence {score.log_evidence:.0f})"
     lost = why_not_fitted(score, found, named)
     return Ranked((_name(tried.effect),), None, possible, why, tried.effect.label, lost)
 

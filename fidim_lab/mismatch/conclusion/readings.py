@@ -18,12 +18,12 @@ MOST_CHANNELS = 2
 """whose noise is told"""
 NEXT = {
     DRIFT: "Record one place first and last in a session, and home the winches in between.",
-    STEP: "Look at that cable's drum and home its winch again.",
-    SCATTER: "State in the robot file the encoder_resolution that was found. Go to one place from both sides: "
+    STEP: "Check that cable's drum, and home its winch again.",
+    SCATTER: "State the encoder_resolution that was found in the robot file. Move to one place from both sides: "
     "hysteresis gives two lengths.",
     CAMERA_DRIFT: "Fix a marker to the frame and record it too.",
     CAMERA_STEP: "Calibrate the cameras again.",
-    NOISE: "State in the robot file the marker_noise that was found.",
+    NOISE: "State the marker_noise that was found in the robot file.",
 }
 
 
@@ -42,7 +42,7 @@ def with_readings(told: Explanation, errors: ReadingErrors | None, cleaned: Clea
     if verdict is Verdict.NOTHING_MISSING:
         verdict = Verdict.EXPLAINED if drifts else Verdict.SENSOR_FAULT
     stated = f"The robot file states {millimetres(sensors.encoder_resolution):.2g} mm for lengths."
-    said = " ".join([*(reading.says for reading in readings), stated, "The fit has them put right."])
+    said = " ".join([*(reading.says for reading in readings), stated, "The fit uses corrected values."])
     message = f"{said} {told.message.replace('Nothing is missing:', 'Nothing else is missing:', 1)}"
     told = replace(told, verdict=verdict, effects=(*told.effects, *drifts), readings=readings, message=message)
     return _with_noise(told, cleaned)

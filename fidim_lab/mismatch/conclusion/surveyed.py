@@ -75,7 +75,7 @@ def geometry_cause(geometry: Geometry) -> NamedCause:
     id = f"{most.what}-offset"
     pairs = zip("xyz", most.by, most.sd, strict=True)
     parameters = {f"d{axis}": EffectParameter(by, sd, "m") for axis, by, sd in pairs}
-    says = "the robot file's geometry is off; this piece is off most, the others with it"
+    says = "the geometry in the robot file is wrong; the largest error is here"
     return NamedCause(id, most.cable, tuple(other for other in CLASS if other != id), parameters, says)
 
 
@@ -86,15 +86,21 @@ def geometry_says(geometry: Geometry, robot: Robot, wrong: bool, explained: bool
     """
     kinds = dict.fromkeys(one.what for one in geometry.moved if one.what in LENGTHS)
     sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)
-    head = "The robot file's survey is counted" if robot.survey is not None else "The robot file's geometry is off"
-    said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry, explained=explained)}".rstrip()
+    head = (
+        "The survey in the robot file was used"
+        if robot.survey is not None
+        else "The geometry in the robot file is wrong"
+    )
+    said = f"{head} ({sizes} rms, as far as the recordings show). {furthest(geometry, explained=explained)}".rstrip()
     by_encoders = f" {encoders_say(geometry.encoders, geometry.moved)}".rstrip()
     if robot.survey is not None:
         return said + by_encoders
     times = _rms(geometry.moved, "anchor") / TYPICAL_ANCHOR if "anchor" in kinds else 1.0
-    size = "as ordinary surveys are" if times < np.exp(SPREAD_OF_FACTORS) else "more than ordinary surveys miss"
-    size = "far beyond an ordinary survey" if wrong else size
-    said = f"{said} That is {size}. It was fitted with the body, and the ± count it: state [survey] in the robot file."
+    size = (
+        "within an ordinary survey error" if times < np.exp(SPREAD_OF_FACTORS) else "more than an ordinary survey error"
+    )
+    size = "far beyond an ordinary survey error" if wrong else size
+    said = f"{said} That is {size}. It was fitted with the body; every ± includes it. State [survey] in the robot file."
     return said + by_encoders
 
 

@@ -96,7 +96,7 @@ def with_timing(told: Explanation, model: Completed, *, put_right: bool = False)
         return told
     found = timing(model) if model.whole else None
     if found is None:
-        message = f"{told.message} Not tested: {OFFSET} (no motor currents that tell of it)."
+        message = f"{told.message} Not tested: {OFFSET} (no suitable motor currents)."
         return replace(told, message=message, untested=(*told.untested, OFFSET))
     causes, said = list(told.effects), [told.message]
     if found.is_off:
@@ -105,14 +105,14 @@ def with_timing(told: Explanation, model: Completed, *, put_right: bool = False)
         causes.append(NamedCause(OFFSET, None, (), size, says, single=True))
         figures = f"{1e3 * found.offset:.2f} ± {1e3 * found.sd:.2f} ms"
         said.append(
-            f"Motor currents follow the tensions of the fitted motion {figures} later ({found.courses} courses): the "
-            "cameras' stamps are that much early against the winches' clock."
+            f"Motor currents lag the tensions of the fitted motion by {figures} ({found.courses} time courses): the "
+            "cameras' time stamps are early by this against the winches' clock."
         )
     if found.runs_away and RATE not in names:
         says = "the cameras' clock runs fast: a frame stamped t was taken at t/(1 + rate)"
         size = {"rate": EffectParameter(found.rate, found.rate_sd, "1")}
         causes.append(NamedCause(RATE, None, (), size, says, single=True))
-        counts = "the fit has the stamps put right" if put_right else "inertia and centre of mass count on it"
+        counts = "the fit uses corrected time stamps" if put_right else "inertia and centre of mass depend on it"
         said.append(
             f"By the motor currents the cameras' clock runs faster than the winches' by {found.rate:.2g} ± "
             f"{found.rate_sd:.1g}, which free motion alone would hardly show; {counts}."

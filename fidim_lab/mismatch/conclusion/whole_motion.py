@@ -157,7 +157,9 @@ def _ranked(one: WholeModel, outcome: SearchOutcome) -> Ranked:
     behind = log_odds(outcome.best, one)
     why = f"whole windows: fitted {millimetres(one.fitted):.2g} mm"
     why += f", held out {millimetres(one.held_out):.2g} mm" if one.is_predicted else ""
-    why += "." if one is outcome.best else f"; {abs(behind):.0f} nats {'less' if behind > 0 else 'more'} evident."
+    why += (
+        "." if one is outcome.best else f"; evidence {'lower' if behind > 0 else 'higher'} by {abs(behind):.0f} nats."
+    )
     chi2 = one.chi2_per_dof if one.is_predicted else np.nan
     lost = "" if one is outcome.best else _why_lost(one, behind, outcome)
     return Ranked(tuple(names), chi2 if np.isfinite(chi2) else None, True, why, lost=lost)
@@ -187,18 +189,18 @@ def _opened_once(outcome: SearchOutcome, campaign: Campaign) -> OpenedOnce | Non
 def _message(outcome: SearchOutcome, effects: Sequence[NamedCause], geometry: Geometry | None, robot: Robot) -> str:
     base, best, floor = outcome.base, outcome.best, robot.sensors.marker_noise
     names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
-    named = f"Left out: {names}." if names else "No effect is named; the robot file's geometry was left open."
+    named = f"Left out: {names}." if names else "No effect is named; the robot file's geometry was fitted."
     said = [
-        f"{named} Whole windows decide here: held-out ones are missed by {millimetres(base.held_out):.2g} mm without "
-        f"it and by {millimetres(best.held_out):.2g} mm with it, fitted ones by {millimetres(base.fitted):.2g} and "
+        f"{named} Whole windows decide here: without it the error is {millimetres(base.held_out):.2g} mm in held-out "
+        f"windows and {millimetres(base.fitted):.2g} mm in fitted ones, with it {millimetres(best.held_out):.2g} and "
         f"{millimetres(best.fitted):.2g} mm.",
     ]
     for cause, rivals in zip(effects, outcome.rivals, strict=False):
         if rivals:
             others = ", ".join(f"{one.label} ({millimetres(one.held_out):.2g} mm)" for one in rivals)
-            said.append(f"In the place of {cause.id} the windows do not exclude: {others}.")
+            said.append(f"Instead of {cause.id}, the windows do not exclude: {others}.")
         elif cause.single:
-            said.append(f"Nothing tested can stand for {cause.id}.")
+            said.append(f"No tested effect can replace {cause.id}.")
     explained = best.held_out < ALL_NOISE * floor
     said = [*base.common.sentences, *said]
     if geometry is not None:
@@ -206,6 +208,6 @@ def _message(outcome: SearchOutcome, effects: Sequence[NamedCause], geometry: Ge
     if not explained:
         said.append(
             f"About {millimetres(best.held_out):.2g} mm, {best.held_out / floor:.0f} times the markers' noise, remain "
-            "unexplained; standard deviations count such a remainder as noise of few independent values."
+            "unexplained; the standard deviations treat this remainder as noise with few independent values."
         )
     return " ".join(said)

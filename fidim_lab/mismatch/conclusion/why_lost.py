@@ -13,7 +13,7 @@ from fidim_lab.units import millimetres, percent
 
 MOST_ODDS = 1000.0
 """told as a number; what is beyond is told as more"""
-IMPOSSIBLE = "It fits best at the bound of what is possible, or beyond it."
+IMPOSSIBLE = "Its best fit is at the limit of what is possible, or beyond it."
 
 
 def why_lost(rival: Candidate, named: Candidate, *, possible: bool) -> str:
@@ -24,12 +24,12 @@ def why_lost(rival: Candidate, named: Candidate, *, possible: bool) -> str:
     if not possible:
         return IMPOSSIBLE
     if named.is_white and not rival.is_white:
-        return f"It leaves motion unexplained, {name} leaves only noise{figures}."
+        return f"It leaves motion unexplained; {name} leaves only noise{figures}."
     behind = _behind(rival.model, named.model)
     if behind <= -ODDS:
         if rank(rival) >= rank(named):
             return f"It fits better than {name}, but predicts held-out windows no better{figures}."
-        return f"It takes too little of what stays unexplained beside {name}{figures}."
+        return f"It explains too little of what remains unexplained with {name}{figures}."
     return odds_against(behind, name, further=len(rival.model.tried) > len(named.model.tried))
 
 
@@ -40,9 +40,9 @@ def why_lost_early(rival: Completed, found: Selection, named: Candidate, *, poss
     key = names(named.model)
     there = [model for model in found.passing if names(model) == key]
     if named.is_white and not rival.is_white:
-        return f"It leaves motion unexplained in the first seconds, {forms(named.model)} leaves only noise."
+        return f"It leaves motion unexplained in the first seconds; {forms(named.model)} leaves only noise."
     if not there:
-        return "Other models of the first seconds came before it."
+        return "Other models of the first seconds ranked above it."
     best = min(there, key=lambda model: model.chi2)
     behind = _behind(rival, best)
     if behind <= -ODDS:
@@ -54,17 +54,17 @@ def why_not_fitted(score: Score, found: Selection, named: Candidate) -> str:
     """Of an effect that was only scored beside the model as it is, and beside the named one."""
     seen = found.first
     if score.log_evidence < SHARED.enough or seen.rest <= 0:
-        return "It explains no more than it would of noise."
+        return "It explains no more than it would explain of pure noise."
     of_all = f"Alone it explains {_percent(score.gain / seen.rest)} of what is missing"
     if not named.model.tried:
         return f"{of_all}."
     name, own = forms(named.model), _named_at_first(found, named)
     if own is None or score.gain >= own.gain:
-        further = f", {name} all but noise" if named.is_white else ""
+        further = f"; {name} explains all but noise" if named.is_white else ""
         return f"{of_all}{further}{_beside(score, found, named)}."
-    alone = f"Alone it explains {_percent(score.gain / own.gain)} of what {name} does"
+    alone = f"Alone it explains {_percent(score.gain / own.gain)} of what {name} explains"
     behind = own.log_evidence - score.log_evidence
-    odds = f" (odds of {_odds(behind)} to 1)" if behind > ODDS else ""
+    odds = f" (odds {_odds(behind)} to 1 against it)" if behind > ODDS else ""
     return f"{alone}{odds}{_beside(score, found, named)}."
 
 
@@ -113,7 +113,7 @@ def _beside(score: Score, found: Selection, named: Candidate) -> str:
         return ""
     effect = score.tried[0].effect
     more = [one.log_evidence for one in found.last.singles if one.tried[0].effect == effect]
-    return "; beside that it adds nothing" if more and max(more) < SHARED.enough else ""
+    return "; in addition to that it explains nothing more" if more and max(more) < SHARED.enough else ""
 
 
 def _figures(rival: HeldOut, named: HeldOut) -> str:

@@ -101,7 +101,7 @@ def fit_baseline(
     is left open of it; what the robot file's survey leaves open, unless given. without: ids of effects not tried.
     Raises RefusedError where no window can be fitted at all.
     """
-    say("fitting the model as it is")
+    say("fitting the model without effects")
     windows = campaign.of_role(Role.IDENTIFY)
     mechanism = Mechanism(campaign.robot, native=native) if mechanism is None else mechanism
     geometry = stated(campaign.robot) if geometry is None else geometry
@@ -116,7 +116,7 @@ def fit_baseline(
         prior = far.prior(np.zeros(0), np.zeros(0))
         whole = settle(far, short, mechanism, short.journey.optimum.point, prior, everything)
     reached = "" if whole is None else f", over whole windows {whole.chi2_per_dof:.3f}"
-    say(f"the model as it is: χ²/dof over 3 s {short.chi2_per_dof:.3f}{reached}")
+    say(f"the model without effects: χ²/dof over 3 s {short.chi2_per_dof:.3f}{reached}")
     tried = hypotheses(campaign.robot, without)
     return Baseline(campaign, short, whole, near, far, context_of(short), tried, geometry, without)
 

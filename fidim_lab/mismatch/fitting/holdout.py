@@ -43,7 +43,7 @@ class HeldOut:
     @property
     def says(self) -> str:
         """The same in words."""
-        return f"held-out χ²/dof {self.chi2_per_dof:.3f}" if self.dof else "nothing held out to judge it by"
+        return f"held-out χ²/dof {self.chi2_per_dof:.3f}" if self.dof else "no window held out to judge it"
 
 
 @dataclass(frozen=True, eq=False)

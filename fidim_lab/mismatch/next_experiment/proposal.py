@@ -84,8 +84,8 @@ class Proposal:
         if not self.separates:
             return (
                 f"{what} are told apart in {then} of cases even after {len(self.windows)} more windows{sensors} "
-                f"(now: {now}): free motion hardly separates them."
+                f"(now: {now}): free motion can hardly separate them."
             )
         count = f"{len(self.windows)} more window{'s' * (len(self.windows) != 1)}"
         said = f"{what} are told apart in {then} of cases after {count}{sensors} (now: {now})."
-        return f"{said} Free motion hardly separates it from {' or '.join(self.beyond)}." if self.beyond else said
+        return f"{said} Free motion can hardly separate it from {' or '.join(self.beyond)}." if self.beyond else said

@@ -111,14 +111,16 @@ def _where(one: Leftover, rows: tuple[int, int], total: float) -> Where:
     companions = goes_along(one, column)
     t = (float(one.t[begin]), float(one.t[end - 1]))
     rms = float(np.sqrt(energy[column] / max(1, int(np.isfinite(part[:, column]).sum()))))
-    says = f"Window {one.window}, {t[0]:.2f} to {t[1]:.2f} s: {channel} is off by {rms * one.noise * 1e3:.3g} mm rms, "
+    says = (
+        f"Window {one.window}, {t[0]:.2f} to {t[1]:.2f} s: {channel} deviates by {rms * one.noise * 1e3:.3g} mm rms, "
+    )
     says += f"{rms:.1f} times the noise"
     if shown is not None:
         size, phase = shown.amplitude * one.noise * 1e3, np.degrees(shown.phase)
         says += f", most at {shown.frequency:.2f} Hz ({size:.2g} mm, phase {round(float(phase))}°)"
     if companions:
-        says += f"; it goes along with {companions[0].name} ({companions[0].correlation:.2f})"
-    says += f". This is {share:.0%} of all that is unexplained."
+        says += f"; it correlates with {companions[0].name} ({companions[0].correlation:.2f})"
+    says += f". This is {share:.0%} of the unexplained motion."
     return Where(one.window, t, channel, None if shown is None else shown.frequency, share, says, shown, companions)
 
 

@@ -179,8 +179,8 @@ def _line_at(
 def _words(p: float, ratio: float, band: tuple[float, float], window: str | None, excess: float) -> str:
     where = "all windows together" if window is None else f"window {window}"
     if p > RESIDUALS.whiteness_white:
-        return f"What is left is consistent with white noise (its most unusual band: p = {p:.2g})."
+        return f"The residual is consistent with white noise (most unusual band: p = {p:.2g})."
     return (
-        f"What is left is not white: between {band[0]:.2g} and {band[1]:.2g} Hz in {where} it has {plain(ratio)} "
-        f"times the noise (chance {p:.1g}); χ² is {excess:.0f} too large below {RESIDUALS.whiteness_edges[-1]:g} Hz."
+        f"The residual is not white: between {band[0]:.2g} and {band[1]:.2g} Hz in {where} it has {plain(ratio)} "
+        f"times the noise (chance {p:.1g}); χ² is {plain(excess)} too large below {RESIDUALS.whiteness_edges[-1]:g} Hz."
     )

@@ -28,6 +28,6 @@ class Patience:
     def says(self) -> str:
         """For the answer of a search that it ended."""
         return (
-            f"The search was ended after {self.cpu:.0f} s of CPU time, with models untried: "
-            "`fidim explain --patience` gives it more."
+            f"The search was ended after {self.cpu:.0f} s of CPU time before all models were tried; "
+            "`fidim explain --patience` gives it more time."
         )

@@ -25,7 +25,7 @@ from fidim_lab.say import Say
 
 @dataclass(frozen=True, eq=False)
 class Imitator:
-    """Another effect in the place of a named one, to first order."""
+    """Another effect instead of a named one, to first order."""
 
     tried: Hypothesis
     theta: np.ndarray
@@ -68,7 +68,7 @@ def imitators(seen: View, k: int, *, any_cable: bool = False) -> tuple[Imitator,
 
 
 def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SHARED.slight) -> list[Completed]:
-    """The model that was looked at with other effects in the place of a term, where they come near; at least two terms.
+    """The model that was looked at with other effects instead of a term, where they come near; at least two terms.
 
     What has more freedom than the term is left out: it would not convince where it only imitates.
     ground: what the model was fitted to. slight: share of a term's evidence that another may miss.
@@ -81,7 +81,7 @@ def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SHARED.
         near = (one for one in imitators(seen, k, any_cable=True) if one.loss < SCORES.views_tie + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
         for other in islice(simple, SHARED.runners_up):
-            say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
+            say(f"fitting {model.label} with {other.tried.label} instead of {model.tried[k].label}")
             fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
     return found_side_by_side(fits)
 
@@ -89,7 +89,7 @@ def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SHARED.
 def in_place_of(
     model: Completed, k: int, other: Hypothesis, theta: np.ndarray, ground: Ground, context: Context
 ) -> Completed | None:
-    """The model with another effect, from this θ, in the place of term k; None where no fit gets there.
+    """The model with another effect, from this θ, instead of term k; None where no fit gets there.
 
     A fit of whole windows that will hardly get as far as the model is given up.
     """

@@ -120,7 +120,7 @@ def instead_of_a_search(exact: Baseline, seen: View | None, say: Say) -> Baselin
 
 def opened(exact: Baseline, factor: float, say: Say) -> Baseline:
     """The model as it is with its geometry open, so many times as far off as a usual survey."""
-    say("opening the geometry: the recordings ask for a survey of it")
+    say("fitting the geometry too: it is less exact than the robot file says")
     mechanism = exact.short_ground.likelihood.mechanism
     geometry = usual(exact.campaign.robot, factor)
     return fit_baseline(

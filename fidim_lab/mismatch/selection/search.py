@@ -158,7 +158,7 @@ class Search:
         model = next((model for model in short if model.is_white), None)
         if model is None:
             return ()
-        self.say(f"looking for hands beside {model.label}")
+        self.say(f"looking for hands, with {model.label}")
         return find_contacts(predict_segments(model, self.start.campaign.windows))
 
     def over_whole_windows(self, best: Candidate, pushes: tuple[Contact, ...] = ()) -> SearchState:

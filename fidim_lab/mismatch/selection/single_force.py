@@ -76,7 +76,7 @@ def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say,
 
     names: what else may be named, for what is said. alone: only one that does nearly all by itself.
     """
-    say(f"modelling what {names} may stand for, without a name")
+    say(f"modelling one unknown force in place of {names}")
     try:
         return modelled(baseline, campaign, alone=alone)
     except RefusedError:

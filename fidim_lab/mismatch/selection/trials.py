@@ -52,7 +52,7 @@ class Trials:
 
     def look(self, model: Completed) -> View:
         """All scores at a model."""
-        self.say(f"looking at all effects beside {model.label}")
+        self.say(f"testing all effects in addition to {model.label}")
         seen = self._seen
         if seen is None or model.tried or seen.model.fit is not model.fit:
             seen = view(model, self.start.tried, self.start.context)
@@ -61,7 +61,7 @@ class Trials:
 
     def look_for_tones(self, model: Completed) -> View:
         """The scores of steady tones at a model, over whole windows."""
-        self.say(f"listening for a tone beside {model.label}")
+        self.say(f"searching for a tone in addition to {model.label}")
         return tones(model, self.start.tried, self.start.context)
 
     def additions(self, seen: View) -> tuple[Addition, ...]:

@@ -27,7 +27,7 @@ class LatentForce(NamedEffect):
     """W = basis θ; `family` says what the wrench is made of."""
 
     id: ClassVar[str] = "unknown"
-    says: ClassVar[str] = "a smooth wrench without a name, fitted to what nothing else explains"
+    says: ClassVar[str] = "a smooth wrench of unknown cause, fitted to the unexplained residual"
     source: ClassVar[str] = "latent-force model: Álvarez, Luengo, Lawrence, AISTATS 2009"
 
     family: Family | None = None

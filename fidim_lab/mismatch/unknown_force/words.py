@@ -52,7 +52,7 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
             return f"A torque that grows with the {_power('rate of turning', family.power)}: none while nothing turns."
         case Dependence.ACROSS:
             momentum = ", ".join(f"{x:.2g}" for x in latent.weights(theta))
-            return f"It acts across the turning, as of a wheel that spins inside with ({momentum}) N m s, body frame."
+            return f"It acts across the rotation, like a wheel that spins inside with ({momentum}) N m s, body frame."
         case Dependence.TURNING:
             law = _power("rate of turning", family.power)
             return f"It acts only while the platform turns, and grows with the {law} ({family.label})."

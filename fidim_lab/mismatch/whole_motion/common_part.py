@@ -69,6 +69,6 @@ def elastic(campaign: Campaign, softness: str) -> CommonPart:
     found = soft.without_dissipation()
     if found is None:
         raise RefusedError("Without dissipation no motion on elastic cables can be simulated.")
-    why = f"The cables hold one direction hardly at all ({softness}): elastic cables are fitted instead of rigid ones."
+    why = f"The cables hardly hold one direction ({softness}): elastic cables are fitted instead of rigid ones."
     ratio = campaign.robot.sensors.marker_noise / soft.working.marker_noise
     return CommonPart(found, soft.not_dissipating, ratio**2, (why, soft.springs, *soft.cut))

@@ -182,7 +182,7 @@ class _Steps:
 
     def _shortlist(self, model: WholeModel) -> list[Score]:
         """What takes most beside a model, to first order: one of each effect, all cables alike before each alone."""
-        self.say(f"whole windows: looking at all effects beside {model.label}")
+        self.say(f"whole windows: testing all effects in addition to {model.label}")
         inside = {h.effect for h in model.terms} | {one.effect for one in model.geometry}
         left = tuple(h for h in self.every.direct if h.effect not in inside)
         scorer = scorer_of(model.found.likelihood.mechanism, replace(self.every, direct=left))

@@ -195,7 +195,10 @@ def test_a_full_send_queue_is_waited_for_within_the_cycle(monkeypatch: pytest.Mo
     transport.send(0x80, b"")
     assert transport.fault is None
     assert transport.counters.queue_full == 1
-    assert "1 frames found the send queue full: make its queue longer: ip link set can1 txqueuelen" in transport.remark
+    assert (
+        "1 frames did not fit into the send queue: make its queue longer: ip link set can1 txqueuelen"
+        in transport.remark
+    )
     monkeypatch.setattr(FullBus, "full", [error] * 100_000)
     begin = time.monotonic()
     with pytest.raises(BusError, match="txqueuelen 1000"):

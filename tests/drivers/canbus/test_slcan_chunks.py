@@ -77,7 +77,7 @@ def test_a_line_that_is_no_text_is_a_value_error_and_the_next_is_read(line: tupl
     end, path = line
     with SlcanBus(path, sleep_after_open=0.0) as bus:
         os.write(end, b"t18\xff1AA\rt1811BB\r")
-        with pytest.raises(ValueError, match="no frame"):
+        with pytest.raises(ValueError, match="not a frame"):
             bus.recv(20.0)
         assert heard(bus, 1) == [(0x181, "bb")]
 

@@ -141,7 +141,7 @@ def test_a_drive_that_has_restarted_unheard_gets_no_power(on_bench: OnBench) -> 
         bench.drive.state = "disabled"
         bench.drive.put(0x1016, 0, 1)
         await bench.cycles(3)
-        with pytest.raises(DeviceError, match=r"forgotten its settings.*1016:1 watch of the host's heartbeat: 0 found"):
+        with pytest.raises(DeviceError, match=r"lost its settings.*1016:1 watch of the host's heartbeat: 0 found"):
             await bench.winch.enable()
         assert bench.drive.state == "disabled"
 
@@ -164,7 +164,7 @@ def test_an_object_that_a_family_lacks_is_not_asked_for_in_moves(on_bench: OnBen
         bench.drive.refuses = {(0x6084, 0): 0x06020000}
         await bench.enabled()
         await bench.winch.move_to(1.2, 0.4, 1.0)
-        line = next(line for line in bench.winch.grades if line.requirement.key == "deceleration of its own")
+        line = next(line for line in bench.winch.grades if line.requirement.key == "separate deceleration")
         assert (line.met, line.found) == (Met.HOST, "no 6084:0")
 
     on_bench(script, family=DriveFamily(absent={"6084:0": "by its EDS file"}))

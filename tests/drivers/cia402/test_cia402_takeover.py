@@ -134,7 +134,9 @@ def test_a_drive_that_holds_but_is_set_otherwise_is_left_holding_and_refused_by_
     async def script(bench: Any) -> None:
         await left(bench, "quick stop")
         bench.drive.put(object_, value, sub=1 if object_ == 0x1016 else 0)
-        with pytest.raises(DeviceError, match=rf"holds the load, but not as the rig file wants it: {object_:04X}"):
+        with pytest.raises(
+            DeviceError, match=rf"holds the load, but with other settings than the rig file: {object_:04X}"
+        ):
             await taken_over(bench, config)
         assert bench.drive.controlwords == []
         assert bench.drive.state == "quick stop"

@@ -127,7 +127,7 @@ def test_a_stop_overtakes_a_move_in_progress(on_bench: OnBench) -> None:
         move = asyncio.create_task(bench.winch.move_to(1.5, 0.1, 0.5))
         await bench.cycles(10)
         bench.winch.quick_stop()
-        with pytest.raises(DeviceError, match="overtaken by a later one"):
+        with pytest.raises(DeviceError, match="replaced by a later one"):
             await move
         assert bench.drive.controlwords[-1] == 0x02
         assert bench.drive.state == "quick stop"

@@ -11,7 +11,7 @@ TOP = 2**31 - 1
 CASES = {
     "multi-turn, same drive, anywhere": (StoredZero(7, True, 0, 10), 7, 123_456, True, ""),
     "multi-turn, another drive": (StoredZero(7, True, 0, 10), 8, 0, False, "drive 8: home it"),
-    "multi-turn, no serial number": (StoredZero(0, True, 0, 10), 0, 0, False, "nothing proves whose zero"),
+    "multi-turn, no serial number": (StoredZero(0, True, 0, 10), 0, 0, False, "the zero cannot be assigned"),
     "incremental, where it was left": (StoredZero(7, False, 5_000, 10), 7, 5_010, True, "5010"),
     "incremental, power was off": (StoredZero(7, False, 5_000, 10), 7, 0, False, "its power was off"),
     "incremental, turned": (StoredZero(7, False, 5_000, 10), 7, 4_989, False, "or the drum was turned"),

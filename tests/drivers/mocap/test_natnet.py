@@ -69,14 +69,14 @@ def test_the_servers_version_comes_first_and_old_ones_are_refused_by_name():
     data = frame(1, MARKS, sized=False)
     (early,) = decoder.receive(data)
     assert isinstance(early, Malformed)
-    assert "before the server has told its version" in early.problem
+    assert "before the server has sent its version" in early.problem
     decoder.receive(info((2, 10)))
     (old,) = decoder.receive(data)
     assert isinstance(old, Malformed)
     assert old.problem == "NatNet 2.10: this program reads 3.0 (Motive 2.0) and later"
     decoder.receive(info((3, 0)))
     assert isinstance(decoder.receive(data)[0], DecodedFrame)
-    again = describe(decoder).make()  # a recording may begin after the server has told it
+    again = describe(decoder).make()  # a recording may begin after the server has sent it
     decoder.restart()
     assert isinstance(decoder.receive(data)[0], Malformed)
     assert isinstance(again.receive(data)[0], DecodedFrame)

@@ -57,7 +57,7 @@ def test_an_object_twice_in_a_block_is_damage_where_the_two_differ():
     decoder = ViconUdpDecoder(MarkerObjects(("m",)))
     (event,) = decoder.receive(ViconEncoder(("m", "m")).encode(1, [HERE, THERE]))
     assert isinstance(event, Malformed)
-    assert "'m' is there twice" in event.problem
+    assert "'m' occurs twice" in event.problem
     assert decoder.receive(ViconEncoder(("m", "m")).encode(2, [HERE, HERE])) == [DecodedFrame(2, (HERE,))]
 
 

@@ -16,7 +16,7 @@ NODES = (1, 2, 3, 4)
     "the cable to the host is cut",
     reaction="the drives stop by themselves",
     within=0.3,
-    says="all 4 winches do not answer for 0.1",
+    says="all 4 winches have not answered for 0.1",
     window="kept",
     held=False,
 )
@@ -159,7 +159,7 @@ def test_a_suspended_laptop(rehearsal, fault):
     "the time of day is set by an hour, forth or back",
     reaction="warning",
     within=1.0,
-    says="the computer's time of day was set by",
+    says="the computer's time of day was changed by",
     window="accepted",
     journal="WARNED",
 )

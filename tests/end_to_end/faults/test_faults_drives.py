@@ -27,7 +27,7 @@ def _by_its_port(stage, frame_id, data):
     "a drive falls silent",
     reaction="quick stop",
     within=0.25,
-    says="winch 2 does not answer for 0.1",
+    says="winch 2 has not answered for 0.1",
     window="kept",
     held=False,
 )
@@ -128,7 +128,7 @@ def test_a_drive_without_heartbeat(rehearsal, fault):
     "an encoder jumps by 60 mm",
     reaction="quick stop",
     within=0.03,
-    says="winch 2 is -60.0 mm from where it was told to be, 3 mm is allowed",
+    says="winch 2 is -60.0 mm from its commanded position, 3 mm is allowed",
     window="kept",
 )
 def test_an_encoder_jump(rehearsal, fault):
@@ -140,7 +140,7 @@ def test_an_encoder_jump(rehearsal, fault):
     "another program turns a drum that should hold, at 0.05 m/s",
     reaction="quick stop",
     within=0.2,
-    says="from where it was told to be, 3 mm is allowed",
+    says="from its commanded position, 3 mm is allowed",
     window="kept",
 )
 def test_a_drum_that_another_program_turns(rehearsal, fault):
@@ -152,7 +152,7 @@ def test_a_drum_that_another_program_turns(rehearsal, fault):
     "a winch creeps by 1 mm a second while somebody displaces the platform",
     reaction="quick stop",
     within=4.0,
-    says="winch 2 is +3.0 mm from where it was told to be, 3 mm is allowed",
+    says="winch 2 is +3.0 mm from its commanded position, 3 mm is allowed",
     window="none was open",
 )
 def test_a_winch_that_creeps(rehearsal, fault):
@@ -164,7 +164,7 @@ def test_a_winch_that_creeps(rehearsal, fault):
     "a drive halts alone in a move",
     reaction="quick stop",
     within=0.25,
-    says="from where it was told to be, 3 mm is allowed",
+    says="from its commanded position, 3 mm is allowed",
     window="none was open",
 )
 def test_a_drive_that_halts_alone(rehearsal, fault):

@@ -47,7 +47,7 @@ def test_a_frozen_marker(rehearsal, fault):
     "the marker is frozen for 3 s",
     reaction="hold",
     within=3.1,
-    says="the main marker is frozen in its place for 3.0",
+    says="the main marker is frozen for 3.0",
     window="kept",
 )
 def test_a_marker_frozen_for_long(rehearsal, scene, fault):

@@ -127,7 +127,7 @@ def free_port() -> int:
     "people and programs",
     "the service is killed (SIGKILL)",
     reaction="the drives stop by themselves; `fidim resume` takes them over, the load is held all the while",
-    says="1 windows have their verdict, 1 are left",
+    says="1 windows are judged, 1 remain",
     window="recorded again",
 )
 @pytest.mark.parametrize("wait", [0.0, 4.0], ids=["still running", "stopped by their missing heartbeat"])
@@ -138,7 +138,7 @@ def test_a_killed_service_leaves_drives_that_hold_and_its_run_takes_them_over(be
     os.kill(bench.service(), signal.SIGKILL)
     threading.Event().wait(wait)  # the drives miss their host after 1.5 s
     resumed = bench.start("resume", bench.folder / "run")
-    until(resumed, "1 windows have their verdict, 1 are left")
+    until(resumed, "1 windows are judged, 1 remain")
     until(resumed, "i02  move to")
     early, _ = bench.start("power-off", bench.rig).communicate("y\n", timeout=60)
     assert "Another service has this rig" in early

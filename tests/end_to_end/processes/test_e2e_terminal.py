@@ -71,19 +71,19 @@ def test_after_the_emergency_stop_key_a_run_goes_on_by_keys_alone(terminal, tmp_
     assert (tmp_path / "run" / "journal.jsonl").exists()
     lab.until("starts the service again")
     lab.press("r")
-    lab.until("Go on with this run?")
+    lab.until("Continue this run?")
     lab.press("y")
     lab.until("resets it")
     lab.until("emergency stop by fidim ui")
     lab.press("g")
     lab.until("emergency stop is latched")
     lab.press("r")
-    lab.until("Has the cause gone?")
+    lab.until("Has its cause been removed?")
     lab.press("y")
     lab.until("Is nobody near the platform")
     lab.press("n")
     lab.press("r")
-    lab.until("Has the cause gone?")
+    lab.until("Has its cause been removed?")
     lab.press("y")
     lab.until("Is nobody near the platform")
     lab.press("y")
@@ -117,9 +117,9 @@ def rig(tmp_path, terminal):
 
 
 def answer_both(lab):
-    lab.until("1 of 2: has the cause gone?")
+    lab.until("1 of 2: has the cause been removed?")
     lab.press("yes", "Enter")
-    lab.until("2 of 2: is nobody at the platform and the cables?")
+    lab.until("2 of 2: is nobody near the platform and the cables?")
     lab.press("yes", "Enter")
 
 
@@ -150,7 +150,7 @@ def test_power_is_taken_in_every_state_where_no_service_holds_the_load(terminal,
     screen.until("L A T C H E D")
     lab.until("exit code 3")
     assert any(" GUARD-TRIPPED " in row[:30] for row in lab.screen().splitlines()), "not behind the open question"
-    assert "exit code 1" in power_off("The drives keep what power they have", answer="n")  # latched
+    assert "exit code 1" in power_off("Nothing was sent to the drives.", answer="n")  # latched
     assert "exit code 0" in power_off("winch 4 (node 4): quick stop active → switch on disabled", answer="y")
     screen.press("q")
 
@@ -158,7 +158,7 @@ def test_power_is_taken_in_every_state_where_no_service_holds_the_load(terminal,
     answer_both(lab)
     lab.until("RUN-STARTED")
     terminal("stop", "--rig", str(rig)).until("exit code 0")
-    lab.until("The service stays (--stay)")
+    lab.until("The service continues to run (--stay)")
     assert "exit code 2" in power_off("A service holds the load with the drives' power")  # the service alone
     terminal("shutdown", "--rig", str(rig)).until("exit code 0")
     lab.until("exit code 3")

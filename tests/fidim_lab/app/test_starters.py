@@ -112,9 +112,9 @@ def test_a_rig_has_room_for_a_robot_of_any_size(files: dict[str, Path], tmp_path
     [
         (["robot"], "robot.toml exists already"),
         (["campaign", "--out", "takes"], "exists already"),
-        (["plan", "--out", "p.toml", "--simulated"], "--simulated goes with rig"),
-        (["rig", "--out", "p.toml", "--cables", "3"], "--cables does not go with rig"),
-        (["robot", "--out", "p.toml", "--robot", "robot.toml"], "--robot does not go with robot"),
+        (["plan", "--out", "p.toml", "--simulated"], "--simulated needs rig"),
+        (["rig", "--out", "p.toml", "--cables", "3"], "--cables cannot be used with rig"),
+        (["robot", "--out", "p.toml", "--robot", "robot.toml"], "--robot cannot be used with robot"),
         (["robots"], "is not one of"),
         (["robot", "--out", "p.toml", "--cables", "6"], "six cables or more and held motors a platform cannot swing"),
         (["robot", "--out", "p.toml", "--cables", "1"], "docs/pendulums.md"),

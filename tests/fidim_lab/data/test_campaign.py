@@ -77,7 +77,7 @@ def test_an_alignment_that_is_none_is_an_error_with_its_place(campaign: Campaign
     [
         ("sample_rate = 100.0", "", "sample_rate: is missing"),
         ('role = "validate"', 'role = "rehearse"', "window 2, role"),
-        ('id = "w1"', 'id = "w0"', "window 2, id: 'w0' is there twice"),
+        ('id = "w1"', 'id = "w0"', "window 2, id: 'w0' occurs twice"),
         ('file = "windows/w1.csv"', 'file = "windows/w9.csv"', "w9.csv: no such file"),
         (
             'file = "windows/w1.csv"',
@@ -129,7 +129,7 @@ def test_plan_round_trip_and_mistakes(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="window 1, lengths: 2 values for a robot of 4 cables"):
         read_plan(tmp_path / "p.toml", 4)
     write_plan(tmp_path / "p.toml", Plan("p", (window, window)))
-    with pytest.raises(FileError, match="window 2, id: 'i01' is there twice"):
+    with pytest.raises(FileError, match="window 2, id: 'i01' occurs twice"):
         read_plan(tmp_path / "p.toml", 2)
 
 

@@ -55,7 +55,7 @@ def changed(tmp_path: Path):
         ('name = "p"', 'nam = "p"', "nam: unknown key; the nearest is name"),
         ("[1.3, ", "[-1.3, ", "lengths 1: -1.3; more than 0 is allowed (the same in 11 more)"),
         ('"w2"', '"../x"', "window 2, id: '../x' cannot be a file name; use letters, digits, _ . and -."),
-        ('"w2"', '"w1"', "window 2, id: 'w1' is there twice"),
+        ('"w2"', '"w1"', "window 2, id: 'w1' occurs twice"),
         ('name = "p"', 'name = "p"\naccuracy = { s = 1.0, inertia = 1.0 }', "inertia: unknown key; allowed are s, I"),
         (
             "position = [",

@@ -143,8 +143,16 @@ WRONG = {
         CELLS.replace("unit =", "units =") + HAND,
         "units: unknown key; the nearest is unit",
     ),
-    "interface": ('"slcan"', '"slcn"', "bus, interface: 'slcn' is no interface of python-can; the nearest is 'slcan'"),
-    "no such interface": ('"slcan"', '"?"', "bus, interface: '?' is no interface of python-can. It has canalystii, "),
+    "interface": (
+        '"slcan"',
+        '"slcn"',
+        "bus, interface: 'slcn' is not an interface of python-can; the nearest is 'slcan'",
+    ),
+    "no such interface": (
+        '"slcan"',
+        '"?"',
+        "bus, interface: '?' is not an interface of python-can. It has canalystii, ",
+    ),
     "missing for all": ("drum_radius = 0.03 ", "", "winch 1, drum_radius: is missing (the same in 3 more)"),
     "range": ("sync_rate = 100.0", "sync_rate = 1000.0", "bus, sync_rate: 1000; at most 500 is allowed"),
     "order": (

@@ -37,7 +37,7 @@ def test_blank_is_a_missing_sample_and_further_columns_are_kept(tmp_path: Path) 
     [
         (lambda s: s[:0], "line 1.*empty"),
         (lambda s: ["t,x,y", *s[1:]], "line 1: column z is missing"),
-        (lambda s: ["t,x,y,z,z,l2", *s[1:]], "line 1: column z is there twice"),
+        (lambda s: ["t,x,y,z,z,l2", *s[1:]], "line 1: column z occurs twice"),
         (lambda s: ["t,x,y,z,l1,l3", *s[1:]], "line 1: columns l1, l3 for a robot of 2 cables; l1, l2"),
         (lambda s: ["t,x,y,z,m2x,m2y", *s[1:]], "marker 2 lacks column m2z"),
         (lambda s: [*s[:5], "0.04,1,2,3", *s[6:]], "line 6: 4 columns, the header has 6"),

@@ -50,7 +50,7 @@ def test_without_the_whole_pose_it_is_at_least_said(irma4: Robot) -> None:
     campaign = resting(meeting(irma4, 0.02), 1)
     choice = suited_method(replace(campaign, robot=replace(campaign.robot, extra_markers=())))
     assert choice.method is Method.MLE
-    assert "rests on rigid cables" in choice.why
+    assert "assumes rigid cables" in choice.why
 
 
 @pytest.mark.shared

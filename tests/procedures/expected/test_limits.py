@@ -73,7 +73,7 @@ def _never():
 
 
 def test_no_way_is_refused_with_what_stands_in_it(walled):
-    with pytest.raises(InfeasibleError, match=r"No safe way from lengths 1\.200 .* cable 2 would have 5\.0 N"):
+    with pytest.raises(InfeasibleError, match=r"No safe path from lengths 1\.200 .* cable 2 would have 5\.0 N"):
         find_route(walled, LEFT, RIGHT, list)
 
 
@@ -120,7 +120,7 @@ def test_a_displacement_beyond_the_limit_is_refused(irma4):
 
 
 def test_a_way_that_nothing_leads_around_names_its_window(irma4):
-    with pytest.raises(InfeasibleError, match="Window i02: No safe way"):
+    with pytest.raises(InfeasibleError, match="Window i02: No safe path"):
         catalogue.experiment("identify", plan_of(LEFT, RIGHT), irma4, statics=wall)
 
 

@@ -39,7 +39,7 @@ def test_a_motor_that_stays_behind(errors, trips):
 def test_its_sentence_names_winch_value_and_limit():
     guard = FollowingErrorGuard(NAMES, GuardSettings(following_error=0.01, following_error_for=0.0))
     says = guard.look(seen(0.0, following_error=-0.0123))
-    assert says == "b is -12.3 mm off the place that its drive wants, at most 10 mm is allowed"
+    assert says == "b is -12.3 mm from its drive's commanded position, at most 10 mm is allowed"
 
 
 def test_a_hot_drive_and_one_that_does_not_tell_any_more():
@@ -49,7 +49,7 @@ def test_a_hot_drive_and_one_that_does_not_tell_any_more():
     assert guard.look(seen(2.0, temperature=68.0)) is not None
     assert guard.look(seen(3.0, temperature=64.0)) is None
     assert guard.look(seen(12.9)) is None
-    assert guard.look(seen(13.1)) == "b has not told its temperature for 10 s"
+    assert guard.look(seen(13.1)) == "b has not reported its temperature for 10 s"
 
 
 def test_drives_that_never_told_a_temperature_are_not_missed():

@@ -21,7 +21,7 @@ def test_a_late_loop_is_told_with_how_late():
     guard = LoopGuard(0.25)
     assert guard.look(at(0.0)) is None
     assert guard.look(at(0.2)) is None
-    assert "nothing for 2.00 s" in guard.look(at(2.2))
+    assert "stood still for 2.00 s" in guard.look(at(2.2))
     assert guard.look(at(2.21)) is None
 
 
@@ -41,8 +41,8 @@ class Cold:
     ("strikes", "says"),
     [
         (0.05, "it is cold"),
-        (0.9, "this computer did nothing for 0.80 s; it is cold"),
-        (1.31, "this computer did nothing for 0.80 s, until 0.41 s ago; it is cold"),
+        (0.9, "this computer stood still for 0.80 s; it is cold"),
+        (1.31, "this computer stood still for 0.80 s, until 0.41 s ago; it is cold"),
         (1.75, "it is cold"),  # what came of it has been seen by now
     ],
 )
@@ -69,7 +69,7 @@ def test_the_host_guard_tells_of_a_standstill_itself():
 
     guards = [LoopGuard(0.25), Cold(0.5)]
     trip = asyncio.run(watch(Stops(), guards, lambda: at(next(times)), GuardSettings(), lambda trip: None))
-    assert trip.says == "this computer did nothing for 0.80 s, 0.25 s is allowed; what else runs on it?"
+    assert trip.says == "this computer stood still for 0.80 s, 0.25 s is allowed; check what else runs on it"
 
 
 def test_a_disk_is_low_until_there_is_clearly_more(tmp_path):
@@ -78,7 +78,7 @@ def test_a_disk_is_low_until_there_is_clearly_more(tmp_path):
     assert guard.look(at(0.0)) is None
     free[0] = 100e6
     assert guard.look(at(1.0)) is None, "looked at every five seconds only"
-    assert "100 MB left, 200 MB are wanted" in guard.look(at(6.0))
+    assert "100 MB free, 200 MB are required" in guard.look(at(6.0))
     free[0] = 210e6
     assert guard.look(at(12.0)) is not None
     free[0] = 250e6
@@ -103,7 +103,7 @@ def test_a_stepped_clock_warns_and_the_run_goes_on(world, lab, tmp_path):
     report = world.run(lab.one, tmp_path / "run", guards=guards)
     assert report.outcome is Outcome.PASS
     (warning,) = [e for e in world.events if isinstance(e, Warned)]
-    assert "set by +7200.0 s" in warning.trip.says
+    assert "changed by +7200.0 s" in warning.trip.says
     assert [e.kind for e in read_journal(tmp_path / "run" / "journal.jsonl")].count(LineKind.WARNED) == 1
 
 

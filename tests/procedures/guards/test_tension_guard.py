@@ -37,4 +37,4 @@ def test_stuck_while_moving(current, velocity, trips):
 
 def test_a_drive_that_tells_no_load_leaves_no_tension_known():
     says = TensionGuard([34.0], 2.0, 250.0, GuardSettings()).look(seen(0.0, math.nan, 0.0))
-    assert says == "nobody knows the tension of cable 1: its drive tells neither current nor torque"
+    assert says == "the tension of cable 1 is unknown: its drive reports neither current nor torque"

@@ -149,7 +149,7 @@ def test_the_procedure_of_the_page_is_short_and_runs(world, lab, tmp_path):
         ("x = 1", "no function `procedure"),
         ("1 / 0", "ZeroDivisionError"),
         ("def procedure(lab):\n    return 3", "own.py: procedure: gives 3"),
-        ("def procedure(lab):\n    yield 1", "own.py: line 2: yields 1, which is no step"),
+        ("def procedure(lab):\n    yield 1", "own.py: line 2: yields 1, which is not a step"),
         ("def procedure(lab):\n    x = 2\n    yield lab.nothing", "own.py: line 3: AttributeError: .* 'nothing'"),
         ("import math\ndef procedure(lab):\n    yield math.sqrt(-1.0)", "own.py: line 3: ValueError: math domain"),
     ],

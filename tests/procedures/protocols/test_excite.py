@@ -141,7 +141,7 @@ def test_windows_are_recorded_without_a_hand(irma4: Robot, plan: Plan, tmp_path:
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     least, most = Outline(experiment("excite", plan, irma4, settings).procedure).between
     assert least <= report.seconds
-    assert again or report.seconds <= most, "windows recorded again come on top"
+    assert again or report.seconds <= most, "repeated recordings take extra time"
     assert sum(isinstance(e.step, Accept) for e in done) == len(plan.windows)
     low, high = irma4.limits.tension
     factors = [winch.newton_per_ampere for winch in irma4.winches or ()]

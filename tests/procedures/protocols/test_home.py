@@ -131,7 +131,7 @@ def test_a_pose_that_cannot_be_measured(marked, tmp_path, wrong):
         whole = source.latest
         source.latest = lambda: replace(whole(), positions=(*whole().positions[:3], None))
     report, told = carry_out(marked, plan_at(), tmp_path / "run", by_markers=True)
-    says = {"swing": "markers peak to peak", "cluster": "against the robot file's", "hidden": "with all 4 markers"}
+    says = {"swing": "markers peak to peak", "cluster": "from those of the robot file", "hidden": "with all 4 markers"}
     assert (report.outcome, told) == (Outcome.FAIL, [])
     assert says[wrong] in report.reason
 
@@ -153,7 +153,7 @@ def test_it_is_listed(lab):
     text = Outline(experiment("home", plan_at(POSE), world.robot).procedure).text()
     lengths = " ".join(f"{length:.4f}" for length in known_lengths(plan_at(POSE).windows[0], world.robot))
     assert "configure the winches, without power" in text
-    assert f"present counts for lengths {lengths} m" in text
+    assert f"present counts to lengths {lengths} m" in text
     assert "power on" not in text
 
 

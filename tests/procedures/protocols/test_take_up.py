@@ -123,7 +123,7 @@ def test_a_rig_whose_winches_cannot_is_told_before_power(world, slack, tmp_path)
     slack.pulls = ()
     report = carry_out(world, slack, tmp_path / "run")
     assert report.outcome is Outcome.FAIL
-    assert "take up no slack by torque" in report.reason
+    assert "cannot take up slack in torque mode" in report.reason
     assert all("enable" not in winch.commands for winch in world.winches)
 
 

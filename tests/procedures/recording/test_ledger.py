@@ -23,7 +23,7 @@ def test_a_procedure_that_records_nothing_is_not_told_as_one_that_failed(tmp_pat
     for window in ("i01", "i02"):
         reason = f"it hangs at {window}"
         ledger.take(GiveUp(window=window, outcome=Outcome.PASS, reason=reason), Result(reason=reason), 0.0)
-    says = "2 of 3 places done, where nothing was to be recorded"
+    says = "2 of 3 places done; nothing was to be recorded"
     assert ledger.reason == f"{says}. i01: it hangs at i01. i02: it hangs at i02. i03: not reached."
 
 

@@ -180,7 +180,7 @@ def test_it_lets_go_when_the_host_ends_and_when_it_hangs(tmp_path):
                 await until(lambda: again.state is ReleaseState.RELEASED)
                 await again.hold()
                 await until(lambda: coil.switched == [True, False, True, False])
-                await until(lambda: "does not tell its state any more" in again.fault)
+                await until(lambda: "has not reported its state" in again.fault)
 
     asyncio.run(run())
 

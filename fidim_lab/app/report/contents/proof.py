@@ -57,7 +57,9 @@ def proof(found: ExplanationTable, campaign: Campaign, unknown: UnknownForce | N
         if first is not None:
             compared.append(ComparedWindow(window, first, None if after is None else _predicted(after, window, notes)))
     if len(windows) > MOST:
-        notes.append(f"Pictures show the first {MOST} of {len(windows)} held-out windows; figures are of all.")
+        notes.append(
+            f"Pictures show the first {MOST} of {len(windows)} held-out windows; the numbers are for all of them."
+        )
     return ProofOfCause(tuple(compared), tuple(dict.fromkeys(notes)))
 
 
@@ -71,7 +73,7 @@ def _completed(
     try:
         return found_model(found, campaign.robot)
     except SetupError as error:
-        notes.append(f"No picture of the completed model: {error}")
+        notes.append(f"The model with its effects could not be drawn: {error}")
         return None
 
 

@@ -62,7 +62,7 @@ def _manifest(folder: Path) -> tuple[tuple[str, str], ...]:
     found = verify(folder)
     missing, extra = (f"{name} is missing" for name in found.missing), (f"{name} is new" for name in found.extra)
     differing = "; ".join(map(printable, (*found.changed, *missing, *extra)))
-    said = f"✓ all {found.checked} files are as when the run ended" if found.intact else f"✗ {differing}"
+    said = f"✓ all {found.checked} files are unchanged since the run ended" if found.intact else f"✗ {differing}"
     recorded = read_manifest(folder).software
     commit = "" if recorded.commit is None else f", fidim-lab {recorded.commit}"
     return (("against manifest.json", said), ("recorded with", f"{recorded.python}{commit}"))

@@ -48,5 +48,5 @@ def _caption(values: Float[np.ndarray, "9 9"]) -> str:
     tied = ", ".join(
         f"{PARAMETER_NAMES[k]} with {PARAMETER_NAMES[i]} ({100 * rho:+.0f} %)" for _, rho, i, k in strong[:4]
     )
-    said = f"hardly told apart: {tied}" if tied else f"none beyond {100 * STRONG:.0f} %"
+    said = f"hardly separable: {tied}" if tied else f"none beyond {100 * STRONG:.0f} %"
     return f"Correlations of the identified parameters by the nominal covariance, %; {said}."

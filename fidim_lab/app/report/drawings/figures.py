@@ -166,7 +166,7 @@ def cross_validation(bars: Sequence[Bar], sigma_W: float | None, expected: float
     if sigma_W is not None:
         axis.axhline(sigma_W, color=COLOURS[1], ls=":", lw=1.4, label="σ_W of the fit")
     if expected is not None:
-        axis.axhline(expected, color=COLOURS[2], ls="--", lw=1.4, label="as good as fitted")
+        axis.axhline(expected, color=COLOURS[2], ls="--", lw=1.4, label="expected σ⊥")
     crowded = len(bars) > 12
     axis.set_xticks(range(len(bars)), [_short(bar.window) for bar in bars], rotation=90 if crowded else 0)
     axis.grid(visible=False, axis="x")

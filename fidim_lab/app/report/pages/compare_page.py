@@ -70,10 +70,10 @@ def _window(pair: WindowPair) -> tuple[str, ...]:
 def _drawings(found: Comparison) -> tuple[Drawing, ...]:
     drawings: list[Drawing] = []
     if any(shift.z is not None for shift in found.shifts):
-        caption = f"B − A in standard deviations; dotted: ±{limit():.1f}, beyond which it is more than chance."
+        caption = f"B − A in standard deviations; dotted: ±{limit():.1f}, the limit of chance."
         drawings.append(Drawing(_differences(found.shifts), caption, "differences"))
     if any(one is not None and one.chi2_per_dof is not None for w in found.windows for one in (w.a, w.b)):
-        drawings.append(Drawing(_chi2(found.windows), "χ²/dof of each window; 1: nothing but noise.", "windows"))
+        drawings.append(Drawing(_chi2(found.windows), "χ²/dof of each window; 1: only noise.", "windows"))
     return tuple(drawings)
 
 

@@ -80,8 +80,8 @@ def _summary(contents: Contents, explanation: Explanation) -> tuple[tuple[str, s
     shown = "Held-out windows could not be judged."
     if len(figures) == 4:
         shown = (
-            f"On windows that no fit has seen χ²/dof goes from {figures[0]:.3g} to {figures[1]:.3g}, "
-            f"and the markers are missed by {figures[3]:.3g} mm rms instead of {figures[2]:.3g} mm."
+            f"On windows that no fit has used, χ²/dof falls from {figures[0]:.3g} to {figures[1]:.3g}, "
+            f"and the rms error of the markers from {figures[2]:.3g} to {figures[3]:.3g} mm."
         )
     verdict = VERDICTS[explanation.verdict][2:].capitalize()
     named = f"Left out: {left_out}." if left_out else f"{verdict}: no effect is named."

@@ -35,14 +35,16 @@ def write_joint_page(found: JointResult, out: Path) -> Path:
 
 def _tables(found: JointResult) -> tuple[ReportTable, ...]:
     result = found.result
-    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: with what the survey leaves open"
+    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: including the uncertainty of the survey"
     parameters = ReportTable(
         caption,
         ("parameter", "CAD", "identified", "±"),
         tuple(_cells(name, one) for name, one in result.parameters.items()),
     )
     cross = ReportTable(
-        "Fitted on some campaigns, predicted on others; only starts are fitted anew", COLUMNS, cross_rows(found)
+        "Fitted on some campaigns, predicted on others; only the initial states are fitted again",
+        COLUMNS,
+        cross_rows(found),
     )
     moved = () if result.geometry is None else result.geometry.moved
     geometry = ReportTable(

@@ -134,7 +134,7 @@ def _true(contents: Contents) -> Body | None:
 
 def _parameters(contents: Contents, result: IdentificationResult) -> Drawing:
     rows = tables.parameter_rows(result, _true(contents)) + tables.gauge_rows(result, _true(contents))
-    caption = "Identified parameters with their intervals beside what else is known."
+    caption = "Identified parameters with their intervals, and other known values."
     return Drawing(figures.parameters(rows), caption, "parameters")
 
 
@@ -149,7 +149,7 @@ def _parameter_tables(contents: Contents, result: IdentificationResult) -> tuple
             {"re-fit": tables.refits(result)} | beside,
         ),
         tables.parameter_table(
-            f"Free of the choice of P: s_z from the plane of the attachments (mean a_z = "
+            f"Independent of the choice of P: s_z from the plane of the attachments (mean a_z = "
             f"{1e3 * result.attachment_plane:.1f} mm) in mm, I about G in 10⁻³ m²",
             tables.gauge_rows(result, true),
             {},
@@ -166,12 +166,12 @@ def _cross_validation(result: IdentificationResult) -> Drawing | None:
         expected = expected_sigma_perp(result.sigma_W, result.body, result.freedoms)
     held_out = sum(bar.held_out for bar in found)
     caption = "σ⊥ (Eq. 50) of each window against σ_W (Eq. 31)" + (
-        f" = {short(result.sigma_W)} m/s²; a window as good as the identified ones has √λ ‖χ‖ σ_W = {short(expected)}."
+        f" = {short(result.sigma_W)} m/s²; the expected σ⊥ is √λ ‖χ‖ σ_W = {short(expected)}."
         if expected is not None
         else "."
     )
     if not held_out:
-        caption += " No window was held out: this judges nothing that the fit has not seen."
+        caption += " No window was held out, so this is not an independent test."
     return Drawing(figures.cross_validation(found, result.sigma_W, expected), caption, "cross-validation")
 
 
@@ -181,10 +181,10 @@ def _timeline(contents: Contents) -> Drawing | None:
         return None
     windows = [told.id for told in story.windows]
     marks = [incident.t for incident in story.incidents]
-    dotted = "; dotted: something went amiss" if marks else ""
+    dotted = "; dotted: a problem" if marks else ""
     return Drawing(
         figures.timeline(windows, KINDS, story.bouts, marks),
-        f"What was done when, window by window{dotted}.",
+        f"Steps of the run over time, by window{dotted}.",
         "timeline",
     )
 
@@ -197,13 +197,13 @@ def _origin(contents: Contents, result: IdentificationResult | None) -> tuple[tu
         when = f"{duration(story.seconds)} of simulated time" if stood else f"from {story.began} to {story.ended}"
         facts.append(("journal", when))
         if story.held:
-            facts.append(("left behind", story.held))
+            facts.append(("state at the end", story.held))
     if truth is not None:
-        facts.append(("hidden by the simulator", ", ".join(truth.case.label) or truth.case.title or "nothing"))
+        facts.append(("effects added by the simulator", ", ".join(truth.case.label) or truth.case.title or "nothing"))
         if truth.seed is not None:
             facts.append(("seed", str(truth.seed)))
     if result is not None:
         facts.append(("method", result.method.value))
         facts.append(("C of the equations (Eq. 40)", short(result.C)))
-        facts.append(("rms of the equations over what marker noise explains", short(result.noise_ratio)))
+        facts.append(("rms of the equations, divided by that of marker noise", short(result.noise_ratio)))
     return tuple(facts)

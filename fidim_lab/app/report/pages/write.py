@@ -75,7 +75,7 @@ def _judged(
 
     if result is None:
         if not contents.campaign.windows:
-            return None, "The run was over before the first window was accepted."
+            return None, "The run ended before the first window was accepted."
         try:
             result = run_identify(folder)
         except RefusedError as refusal:

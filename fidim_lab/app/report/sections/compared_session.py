@@ -76,7 +76,7 @@ def read_session(place: Path) -> ComparedSession:
     """
     if place.is_file():
         result = read_result(place)
-        return ComparedSession(result.campaign, place, result, "a result file alone")
+        return ComparedSession(result.campaign, place, result, "a result file only")
     contents = read_folder(place)
     result, origin = _result(place, contents)
     path = place / EXPLANATION

@@ -120,10 +120,13 @@ def _judged(a: ComparedSession, b: ComparedSession, shifts: Sequence[Shift]) -> 
     if size <= most:
         return (
             True,
-            f"The two sessions agree: {figures}; up to {most:.1f} is chance ({CHANCE:.0%} for nine parameters).",
+            f"The two sessions agree: {figures}; chance alone exceeds {most:.1f} sd in {CHANCE:.0%} of cases.",
         )
     beyond = [s.name for s, z in known if z > most]
-    return False, f"The two sessions differ beyond chance ({most:.1f} sd) in {', '.join(beyond)}; {figures}."
+    return (
+        False,
+        f"The two sessions differ by more than chance explains ({most:.1f} sd) in {', '.join(beyond)}; {figures}.",
+    )
 
 
 def _windows(a: ComparedSession, b: ComparedSession) -> tuple[WindowPair, ...]:
@@ -183,9 +186,9 @@ def _warnings(a: ComparedSession, b: ComparedSession) -> list[str]:
         said += _differing(a.contents.campaign.robot, b.contents.campaign.robot)
     for name, one in (("A", a), ("B", b)):
         if one.result is not None and one.result.outcome not in USABLE:
-            said.append(f"{name} is “{one.result.outcome}”: its parameters carry more error than their sd say.")
+            said.append(f"{name} is “{one.result.outcome}”: its parameters are less certain than their sd say.")
     if a.result is not None and b.result is not None and a.result.method != b.result.method:
-        said.append(f"A was identified by {a.result.method}, B by {b.result.method}: their sd do not mean the same.")
+        said.append(f"A was identified by {a.result.method}, B by {b.result.method}: their sd cannot be compared.")
     return said
 
 
@@ -201,7 +204,7 @@ def _differing(a: Robot, b: Robot) -> list[str]:
     if abs(a.mass - b.mass) > 1e-3 * a.mass:
         said.append(f"The robot files differ: {a.mass:g} and {b.mass:g} kg.")
     if float(np.abs(np.asarray(a.marker) - np.asarray(b.marker)).max()) > SAME_GEOMETRY:
-        said.append("The robot files differ in where the main marker is.")
+        said.append("The robot files differ in the position of the main marker.")
     return said
 
 

@@ -24,7 +24,7 @@ def copies(result: IdentificationResult, mass: float) -> tuple[Copy, ...]:
     table = ResultTable.model_validate(result.to_json())
     texts = [
         Copy("TOML: value, sd and CAD of each parameter, SI, about P, per unit mass", toml(table, None)),
-        Copy("CSV: the same, one row a parameter", _csv(result)),
+        Copy("CSV: the same, one row per parameter", _csv(result)),
         Copy("Python", python_snippet(table, None)),
     ]
     with suppress(InfeasibleError):

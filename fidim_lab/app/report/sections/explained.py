@@ -71,13 +71,13 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
 
 def effect_table(effect: EffectTable) -> ReportTable:
     """One effect with its sizes."""
-    alike = f"; these data cannot tell it from {', '.join(effect.alike)}" if effect.alike else ""
+    alike = f"; these data cannot separate it from {', '.join(effect.alike)}" if effect.alike else ""
     return _sizes_table(f"{effect.label}: {effect.says}{alike}", effect.parameters)
 
 
 def _sizes_table(caption: str, parameters: Mapping[str, EffectParameterTable]) -> ReportTable:
     rows = [
-        (name, short(p.value), "held at its bound" if p.sd is None else f"{p.sd:.2g}", p.unit)
+        (name, short(p.value), "at its limit" if p.sd is None else f"{p.sd:.2g}", p.unit)
         for name, p in parameters.items()
     ]
     return ReportTable(caption, ("parameter", "value", "sd", "unit"), tuple(rows))
@@ -87,8 +87,8 @@ def figures_table(found: ExplanationTable) -> ReportTable:
     """Held-out figures."""
     rows = (("χ²/dof", found.held_out.chi2_per_dof), ("rms, mm", found.held_out.rms_mm))
     cells = tuple((name, short(one.before), short(one.after), _gone(name, one)) for name, one in rows)
-    caption = "Held-out windows, only their starts being fitted. χ²/dof of 1: nothing but noise is left."
-    return ReportTable(caption, ("figure", "before", "after", "of the excess gone"), cells)
+    caption = "Held-out windows; only their initial states are fitted. χ²/dof = 1: only noise is left."
+    return ReportTable(caption, ("figure", "before", "after", "excess removed"), cells)
 
 
 def _gone(name: str, one: BeforeTable) -> str:
@@ -115,9 +115,7 @@ def shift_table(found: ExplanationTable) -> ReportTable:
             )
         )
     names = ("parameter", "CAD", "before", "after", "sd before", "sd after", "moved / sd before")
-    caption = (
-        "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; sd times √χ²/dof of their fit where that is above 1."
-    )
+    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; where χ²/dof is above 1, sd includes its root."
     return ReportTable(caption, names, tuple(rows))
 
 
@@ -141,7 +139,7 @@ def _families(unknown: UnknownTable | None) -> tuple[ReportTable, ...]:
     if unknown is None or not unknown.tried:
         return ()
     rows = [(one.label, *_weighed(one)) for one in unknown.tried]
-    names = ("kind of wrench", "of the excess χ², fitted", "on windows left out in turn", "log-evidence")
+    names = ("kind of wrench", "excess χ² explained, fitted windows", "windows left out in turn", "log-evidence")
     return (
         ReportTable("Unknown wrenches that were compared; a negative share makes the fit worse", names, tuple(rows)),
     )

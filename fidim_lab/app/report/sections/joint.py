@@ -29,4 +29,6 @@ def closing(found: JointResult) -> str:
     """How far this may be trusted."""
     if not found.result.outcome.answers:
         return found.result.outcome.value
-    return "One body and one geometry explain all campaigns to their noise; the ± count what the survey leaves open."
+    return (
+        "One body and one geometry explain all campaigns down to noise; every ± includes the uncertainty of the survey."
+    )

@@ -175,7 +175,7 @@ def attempt_table(attempts: Sequence[Attempt]) -> ReportTable:
 
 
 def _clean(attempt: Attempt) -> str:
-    return f"all of {len(attempt.measurements)} checks passed" if attempt.measurements else ""
+    return f"all {len(attempt.measurements)} checks passed" if attempt.measurements else ""
 
 
 def check_table(measurements: Sequence[ToldMeasurement]) -> ReportTable:
@@ -205,14 +205,14 @@ def rejected_table(contents: Contents) -> ReportTable | None:
                 file = f"{told.id}-attempt{attempt.number}.csv"
                 there = file in kept
                 kept.discard(file)
-                reason = attempt.reason or "broken off"
+                reason = attempt.reason or "interrupted"
                 rows.append((told.id, str(attempt.number), reason, f"rejected/{file}" if there else "–"))
         if told.outcome is not Outcome.UNSET and not told.outcome.usable:
             rows.append((told.id, "", f"given up: {told.reason}", "–"))
     rows += _never_accepted(contents.story)
-    rows += [("", "", "no journal tells why", f"rejected/{name}") for name in sorted(kept)]
-    names = ("window", "attempt", "why it was not taken", "kept as")
-    return ReportTable("Not taken", names, tuple(rows), numbers=False) if rows else None
+    rows += [("", "", "no journal with the reason", f"rejected/{name}") for name in sorted(kept)]
+    names = ("window", "attempt", "reason", "kept as")
+    return ReportTable("Rejected recordings", names, tuple(rows), numbers=False) if rows else None
 
 
 def _never_accepted(story: Story | None) -> list[tuple[str, ...]]:
@@ -227,8 +227,8 @@ def incident_table(story: Story) -> ReportTable | None:
         (when, one.window if when == duration(one.t) else "", one.what, MARKS[one.outcome], says)
         for one, when, says in incident_rows(story.incidents)
     ]
-    names = ("at", "window", "step", "outcome", "what was said")
-    return ReportTable("What went amiss", names, tuple(rows), numbers=False) if rows else None
+    names = ("at", "window", "step", "outcome", "message")
+    return ReportTable("Problems during the run", names, tuple(rows), numbers=False) if rows else None
 
 
 def imported_table(contents: Contents) -> ReportTable | None:
@@ -260,8 +260,8 @@ def import_table(imported: Imported) -> ReportTable:
         *((f"source: {what}", name) for what, name in imported.sources.items()),
         ("frames used", f"{cluster.frames_used} of {cluster.frames}"),
         ("noise of a marker coordinate", f"{millimetres(cluster.noise):.3f} mm"),
-        ("markers rigid to", f"{millimetres(cluster.rms):.3f} mm rms"),
-        ("cable lengths constant to", f"{millimetres(registration.rms):.2f} mm rms, stretch allowed for"),
+        ("marker distances constant to", f"{millimetres(cluster.rms):.3f} mm rms"),
+        ("cable lengths constant to", f"{millimetres(registration.rms):.2f} mm rms, after correcting for stretch"),
         ("cable stretch", f"{registration.compliance * 1e6:.1f} µm/N"),
         ("the two verticals differ by", f"{degrees(registration.tilt):.2f}°"),
         ("log clock − marker clock", f"{clock.offset:.4f} ± {clock.sd:.4f} s"),
@@ -275,7 +275,7 @@ def drive_tables(contents: Contents) -> tuple[ReportTable, ...]:
     for drive in contents.drives:
         if drive.grades:
             together.setdefault(drive.grades, []).append(drive.config.name)
-    names = ("requirement", "grade", "met", "by", "what takes its place")
+    names = ("requirement", "grade", "met", "by", "replacement")
     return tuple(
         ReportTable(
             f"What the drives of {', '.join(winches)} can do",
@@ -290,7 +290,7 @@ def drive_tables(contents: Contents) -> tuple[ReportTable, ...]:
 def file_table(contents: Contents) -> ReportTable:
     """The folder's files with their checksums."""
     rows = [(file.name, size(file.size), file.sha256) for file in contents.provenance.files]
-    return ReportTable("Files that this report rests on", ("file", "size", "SHA-256"), tuple(rows), numbers=False)
+    return ReportTable("Files that this report is based on", ("file", "size", "SHA-256"), tuple(rows), numbers=False)
 
 
 def version_table(contents: Contents) -> ReportTable:
@@ -310,7 +310,18 @@ def trials_table(story: Story) -> ReportTable | None:
         (tried.window, tried.trial, MARKS[tried.outcome], *_stop_cells(tried.measurements), tried.reason)
         for tried in story.trials
     ]
-    columns = ("winch", "trial", "", "time, s", "allowed", "way, mm", "allowed", "then, mm", "without power, mm", "")
+    columns = (
+        "winch",
+        "trial",
+        "",
+        "time, s",
+        "allowed",
+        "distance, mm",
+        "allowed",
+        "then, mm",
+        "without power, mm",
+        "",
+    )
     caption = f"Stops proven by trial, without load, at {short(story.trials[0].speed)} m/s, by each winch's own encoder"
     return ReportTable(caption, columns, tuple(rows), numbers=False)
 

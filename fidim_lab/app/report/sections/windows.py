@@ -136,7 +136,7 @@ def _drawings(
             *([] if missed is None else ["Δ = recorded − model of the trajectory"]),
             *([] if epsilon is None else ["ε = W χ of the equations"]),
         ]
-        drawings.append(Drawing(svg, f"What the model leaves over: {', '.join(parts)}.", f"{window.id}-residuals"))
+        drawings.append(Drawing(svg, f"Residuals: {', '.join(parts)}.", f"{window.id}-residuals"))
     if prediction is not None and (left := _spectrum(prediction, model[0].robot, points)) is not None:
         drawings.append(replace(left, name=f"{window.id}-spectrum"))
     robot = model[0].robot
@@ -154,8 +154,8 @@ def _trajectory(window: Window, prediction: Prediction | None, points: int, remo
     shaded = sorted((one.t for one in removed), key=lambda t: t[0] - t[1])[:SHADED]
     svg = figures.trajectory(Course(window.t, window.markers[:, 0]), rest, model, points, shaded)
     origin = "its mean" if rest is None else "rest"
-    over = "" if model is None else "; dashed: the model, let go from its fitted initial state"
-    over += "; shaded: left out before anything was fitted" if shaded else ""
+    over = "" if model is None else "; dashed: the model, from its fitted initial state"
+    over += "; shaded: not used in any fit" if shaded else ""
     return Drawing(svg, f"Main marker from {origin}{over}.", f"{window.id}-trajectory")
 
 
@@ -167,7 +167,7 @@ def _spectrum(prediction: Prediction, robot: Robot, points: int) -> Drawing | No
     if not known:
         return None
     noise = spectra.noise_level(robot.sensors.marker_noise, int(np.isfinite(left[:, 0]).sum()), 1)
-    return Drawing(spectra.picture(known, noise, points), "Spectrum of Δ; dotted: what marker noise alone would leave.")
+    return Drawing(spectra.picture(known, noise, points), "Spectrum of Δ; dotted: marker noise alone.")
 
 
 Tension = tuple[Series, CableSeries, str]
@@ -190,4 +190,4 @@ def _predicted_tension(prediction: Prediction | None, model: Model) -> Tension |
         return None
     mechanism, body = model
     per_mass, _ = tensions(mechanism, body, prediction.motion)
-    return prediction.t, per_mass * mechanism.robot.mass, "the model, for want of motor currents"
+    return prediction.t, per_mass * mechanism.robot.mass, "the model, since there are no motor currents"

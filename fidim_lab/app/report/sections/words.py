@@ -27,8 +27,8 @@ def recorded_sentence(contents: Contents) -> str:
     if story is not None:
         rejected = story.recordings - len(campaign.windows)
         if rejected > 0:
-            parts.append(f"{counted(rejected, 'recording')} besides {'was' if rejected == 1 else 'were'} not taken")
-        how = "broke off" if story.outcome is Outcome.UNSET else f"ended with “{story.outcome.value}”"
+            parts.append(f"{counted(rejected, 'further recording')} {'was' if rejected == 1 else 'were'} rejected")
+        how = "was interrupted" if story.outcome is Outcome.UNSET else f"ended with “{story.outcome.value}”"
         parts.append(f"the run {how} after {duration(story.seconds)}")
     return "; ".join(parts) + "."
 
@@ -65,7 +65,7 @@ def explained_sentence(found: ExplanationTable) -> str:
     held = found.held_out.chi2_per_dof
     better = f"held-out χ²/dof goes from {short(held.before)} to {short(held.after)}"
     if held.before is None or held.after is None:
-        better = "no window was held out to prove it by"
+        better = "no window was held out to test it"
     names = " and ".join(", ".join(one.label for one in found.effects).rsplit(", ", 1))
     thousandths = [
         interval(1e3 * found.parameters[name].value, 1e3 * found.parameters[name].sd) for name in PARAMETER_NAMES[:6]
@@ -79,9 +79,11 @@ def explained_sentence(found: ExplanationTable) -> str:
         case Verdict.EXPLAINED:
             return f"fidim explain names what is missing, {names}: {better}. {where}."
         case Verdict.PARTLY_EXPLAINED:
-            return f"fidim explain names a part of what is missing, {names}: {better}. {where}; the rest is open."
+            return (
+                f"fidim explain names a part of what is missing, {names}: {better}. {where}; the rest is unexplained."
+            )
         case Verdict.UNKNOWN_PHYSICS:
-            return f"fidim explain finds physics that no effect of its catalogue is: {better}."
+            return f"fidim explain finds physics that is not in its catalogue: {better}."
         case Verdict.SENSOR_FAULT:
             return "fidim explain finds a fault of a sensor, not of the model."
 
@@ -95,6 +97,6 @@ def truth_sentence(rows: tuple[ParameterRow, ...]) -> str:
     inside = sum(ratio <= 2 for _, ratio in known)
     rms = float(np.sqrt(np.mean([ratio**2 for _, ratio in known])))
     return (
-        f"The truth is known here: {inside} of {len(known)} parameters lie within twice the stated uncertainty; "
-        f"the errors are {rms:.1f} times it in the root mean square, and {ratio:.1f} times at worst ({worst.name})."
+        f"The true values are known: {inside} of {len(known)} parameters lie within twice the stated uncertainty. "
+        f"The errors are {rms:.1f} times the uncertainty rms, and at most {ratio:.1f} times ({worst.name})."
     )

@@ -56,7 +56,7 @@ class PromptBoard:
         if question is None or waiting is None or waiting.done() or question.number != number:
             return f"prompt {number} is not open any more"
         if choice not in question.choices:
-            return f"“{choice}” is none of {', '.join(question.choices)}"
+            return f"“{choice}” is not an answer; the choices are {', '.join(question.choices)}"
         waiting.set_result((choice, by))
         return ""
 

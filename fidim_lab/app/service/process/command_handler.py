@@ -60,7 +60,7 @@ class CommandHandler:
         command = request.command
         if not isinstance(command, FREE) and self.lease.holder != client.number:
             who = "nobody" if self.lease.holder is None else self.lease.name
-            return Answer(id=request.id, ok=False, says=f"You may watch; {who} has the lease. Take it to command.")
+            return Answer(id=request.id, ok=False, says=f"Refused: {who} has the lease. Take the lease to command.")
         match command:
             case TakeLease():
                 return self._take_lease(client, request.id, force=command.force)
@@ -88,14 +88,14 @@ class CommandHandler:
         """A client has gone: its lease is free, the run goes on."""
         if self.lease.holder == client.number:
             self.lease.release(client.number)
-            self._levers.note(kind="lease", text=f"{client.name} has gone; nobody commands")
+            self._levers.note(kind="lease", text=f"{client.name} has disconnected; no client has the lease")
 
     def _take_lease(self, client: ServerSession, number: int, *, force: bool) -> Answer:
         before = self.lease.holder
         if not self.lease.take(client.number, client.name, force=force):
-            return Answer(id=number, ok=False, says=f"{self.lease.name} has it")
+            return Answer(id=number, ok=False, says=f"{self.lease.name} has the lease")
         if before != client.number:
-            self._levers.note(kind="lease", text=f"{client.name} commands now")
+            self._levers.note(kind="lease", text=f"{client.name} has the lease now")
         return Answer(id=number, ok=True)
 
     def _emergency_stop(self, client: ServerSession, number: int, reason: str) -> Answer:

@@ -115,7 +115,7 @@ class Hub:
         if len(others) >= places:
             silent = [other for other in others if other.session.stage is ConversationStage.EXPECTS_HELLO]
             if not silent:
-                connection.write(encode(Refusal(says=f"There are {places} clients already.")))
+                connection.write(encode(Refusal(says=f"Already {places} clients are connected.")))
                 connection.end()
                 return
             oldest = min(silent, key=lambda other: other.session.number)

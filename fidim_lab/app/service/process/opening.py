@@ -44,7 +44,7 @@ class _Nobody:
     """Is never asked."""
 
     async def answer(self, prompt: Prompt) -> str:
-        raise OurBugError(f"A prompt went past the board: {prompt.text}")
+        raise OurBugError(f"A prompt was not given to the clients: {prompt.text}")
 
 
 @asynccontextmanager

@@ -72,11 +72,11 @@ class ServerSession:
     def _take(self, message: Hello | Request | MalformedLine) -> Hello | Request | Refusal:
         match message:
             case MalformedLine(says):
-                return Refusal(says=f"This is no message of {PROTOCOL}: {says}")
+                return Refusal(says=f"This is not a message of {PROTOCOL}: {says}")
             case Hello() if self.stage is ConversationStage.EXPECTS_HELLO:
                 return self._greet(message)
             case Hello():
-                return Refusal(says="A second hello.")
+                return Refusal(says="hello was sent twice.")
             case Request() if self.stage is ConversationStage.TALKING:
                 return message
             case _:
@@ -84,7 +84,7 @@ class ServerSession:
 
     def _greet(self, hello: Hello) -> Hello | Refusal:
         if hello.protocol != PROTOCOL:
-            return Refusal(says=f"This service speaks {PROTOCOL}, the client {hello.protocol}.")
+            return Refusal(says=f"The service uses the protocol {PROTOCOL}, the client {hello.protocol}.")
         if self._token and not hmac.compare_digest(self._token.encode(), hello.token.encode()):
             return Refusal(says="The token is wrong: it is in the file that the service named when it started.")
         self.hello, self.stage = hello, ConversationStage.TALKING

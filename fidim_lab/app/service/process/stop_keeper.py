@@ -34,7 +34,7 @@ class StopKeeper:
         try:
             self._path.unlink(missing_ok=True)
         except OSError as error:
-            return f"{self._path} cannot be removed, so the stop stays: {error.strerror or error}."
+            return f"{self._path} cannot be removed, so the stop remains latched: {error.strerror or error}."
         return ""
 
     def _write(self, stopped: Stopped) -> None:

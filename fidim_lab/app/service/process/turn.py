@@ -27,14 +27,14 @@ class Turn:
         if self._running or self._started.is_set():
             return "the run has begun already"
         if self._ended:
-            return "the run has ended; fidim resume goes on with what is left"
+            return "the run has ended; fidim resume continues it"
         self._started.set()
         return ""
 
     def shutdown(self) -> str:
         """End the service; returns why not."""
         if self._running:
-            return "a run goes on; abort it first"
+            return "a run is in progress; abort it first"
         self._ending.set()
         return ""
 

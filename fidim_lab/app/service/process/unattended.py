@@ -40,7 +40,7 @@ class PatienceGuard:
         """Whether the time is up."""
         self._since = seen.t if self._since is None else self._since
         passed = (seen.t - self._since) / 3600.0
-        return f"the run has taken {passed:.2f} h, {self._hours:g} h are allowed" if passed > self._hours else None
+        return f"the run has lasted {passed:.2f} h, {self._hours:g} h are allowed" if passed > self._hours else None
 
 
 def quiet(span: tuple[str, str], now: time) -> bool:
@@ -129,5 +129,5 @@ def run_hook(spec: RunSpec, report: RunReport) -> str:
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return f"the hook “{command}” did not run to its end: {error}"
+        return f"the hook “{command}” was not completed: {error}"
     return f"the hook “{command}” ended with exit code {done.returncode}" if done.returncode else ""

@@ -62,7 +62,7 @@ def prompt_lines(view: ScreenState, width: int, *, typing: bool = False) -> list
     about = f"{question.window}: " if question.window else ""
     rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
     if question.displacement:
-        wanted = Span(f"wanted from rest  {_away(question.displacement)}")
+        wanted = Span(f"displace by  {_away(question.displacement)}")
         rows += _beside((wanted, Span(_displaced(view), "good")), width)
     keys = [Span("Esc, then", "key")] if typing else []
     for key, choice in choice_keys(question.choices).items():
@@ -117,7 +117,7 @@ def _default(view: ScreenState) -> str:
     if question is None or question.default_after is None or not question.default:
         return ""
     left_over = max(question.default_after - (view.now - view.asked), 0.0)
-    return f"“{question.default}” by itself in {left_over:.0f} s"
+    return f"“{question.default}” automatically in {left_over:.0f} s"
 
 
 def _rig(view: ScreenState, width: int) -> Line:
@@ -145,7 +145,7 @@ def _state(view: ScreenState, width: int) -> Line:
 
 
 def _commander(view: ScreenState) -> str:
-    return f"{view.commander} commands, t takes over" if view.commander else "nobody commands, t takes command"
+    return f"{view.commander} commands, t takes over" if view.commander else "no one commands, t takes command"
 
 
 def _age(view: ScreenState) -> str:
@@ -162,15 +162,15 @@ def _alarms(view: ScreenState, width: int) -> list[Line]:
         case Connection.LOST:
             rows += _alarm(f"✗ SERVICE LOST{old}", width, view.why, LOST_ADVICE)
         case Connection.SILENT:
-            rows += _alarm(f"✗ THE SERVICE IS SILENT{old}", width, SILENT_ADVICE)
+            rows += _alarm(f"✗ THE SERVICE DOES NOT ANSWER{old}", width, SILENT_ADVICE)
         case Connection.ENDED:
             heard = "" if view.age is None else f" – values of {view.age:.0f} s ago"
             rows += _alarm(f"□ THE SERVICE HAS ENDED{heard}", width, *_last_words(view.why, width), alarm="warn")
         case _:
             pass
     if view.offer is not None:
-        there = f"“{view.offer.rig}” has a service (run “{view.offer.run}”). t, then y, changes to that rig."
-        rows += _alarm("ANOTHER RIG IS THERE, AND THIS SCREEN DOES NOT ANSWER FOR IT", width, there, alarm="warn")
+        there = f"“{view.offer.rig}” has a service (run “{view.offer.run}”). Press t, then y, to change to that rig."
+        rows += _alarm("ANOTHER RIG HAS A SERVICE; THIS SCREEN DOES NOT CONTROL IT", width, there, alarm="warn")
     return rows
 
 
@@ -186,10 +186,10 @@ def _latched(view: ScreenState, width: int) -> list[Line]:
     status = view.status
     if status is None or not status.latched:
         return []
-    was = "" if view.fresh else "when last heard: "
+    was = "" if view.fresh else "at the last contact: "
     ended = view.contact in (Connection.ENDED, Connection.LOST) or status.phase == "ended"
-    reset = " r starts the service again." if ended else " r resets it, and asks first."
-    why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
+    reset = " r starts the service again." if ended else " r resets it, after a question."
+    why = f"{was}{status.latched_why or 'latched since the start'}.{reset}"
     title = next((one for one in LATCHED if len(one) <= width), LATCHED[-1])
     return _alarm(title, width, why)
 
@@ -198,8 +198,10 @@ LATCHED = ("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ �
 """the widest that a terminal has room for"""
 MOST_ROWS = 2
 """of a sentence beside an alarm"""
-LOST_ADVICE = "Its drives stop by themselves without its heartbeat. THE KEY HERE STOPS NOTHING: use the hardware stop."
-SILENT_ADVICE = "Connected, but no state comes. Do not rely on this screen; use the hardware stop."
+LOST_ADVICE = (
+    "The drives stop by themselves without its heartbeat. NO KEY OF THIS SCREEN STOPS THE ROBOT: use the hardware stop."
+)
+SILENT_ADVICE = "Connected, but no state arrives. Do not rely on this screen; use the hardware stop."
 
 
 def _alarm(title: str, width: int, *says: str, alarm: Style = "alarm") -> list[Line]:

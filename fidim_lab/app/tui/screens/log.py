@@ -34,7 +34,7 @@ def log_lines(view: ScreenState, width: int, wanted: str = "") -> list[Line]:
     for event in found[-NEWEST:]:
         rows += _event(event, width)
     hidden = len(view.events) - len(found)
-    told = [f"{view.forgotten} older ones are in the journal" if view.forgotten else ""]
+    told = [f"{view.forgotten} older events are only in the journal" if view.forgotten else ""]
     told += [f"{hidden} do not match the filter" if hidden else ""]
     says = "; ".join(text for text in told if text)
     return [line(Span(says, "dim")), *rows] if says else rows

@@ -63,7 +63,7 @@ def plot_lines(view: ScreenState, width: int, height: int, which: int) -> list[L
     head = f"{quantity.name}{f', {quantity.unit}' if quantity.unit else ''}"
     rows = [line(Span(left(head, width - 18), "head"), Span("7: next quantity", "key", "screen.turn(6)"))]
     if not view.states:
-        return [*rows, line(Span("No state of the rig has come yet.", "dim"))]
+        return [*rows, line(Span("No state of the rig has arrived yet.", "dim"))]
     told = [quantity.of(status) for status in view.states]
     t = [status.t for status in view.states]
     span = (min(t[0], t[-1] - SPAN), t[-1])

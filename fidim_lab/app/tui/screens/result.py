@@ -19,7 +19,8 @@ def result_lines(result_files: ResultFiles, width: int, job: str = "") -> list[L
     rows: list[Line] = [line(Span(job, "key"))] if job else []
     rows += [line(Span(text, "bad")) for problem in result_files.problems for text in wrapped(problem, width)]
     if result_files.result is None:
-        return [*rows, line(Span("Nothing is identified yet. i identifies from the windows recorded so far.", "dim"))]
+        says = "Nothing is identified yet. Press i to identify from the windows recorded so far."
+        return [*rows, *(line(Span(text, "dim")) for text in wrapped(says, width))]
     result = result_files.result
     style: Style = "good" if result.outcome == GOOD else "bad" if result.outcome in WRONG else "warn"
     mark = "✓" if style == "good" else "✗" if style == "bad" else "~"
@@ -67,7 +68,7 @@ def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, 
     far: Style = "warn" if off is not None and abs(off) > 3 else ""
     return line(
         Span(left(f"{name}{' ~ weak' if weak else ''}", 16), "warn" if weak else "head"),
-        Span(right("not seen" if found.value is None else f"{millimetres(found.value):.3f}", 10), "head"),
+        Span(right("not known" if found.value is None else f"{millimetres(found.value):.3f}", 10), "head"),
         right("–" if sd is None else f"{millimetres(INTERVAL * sd):.3f}", 9),
         right("–" if found.nominal is None else f"{millimetres(found.nominal):.3f}", 10),
         Span(right("–" if off is None else f"{off:+.1f}{' !' if far else '  '}", 13), far),
@@ -102,11 +103,11 @@ def _next(result_files: ResultFiles) -> str:
     if result is None:
         return "record windows."
     if result.outcome in WRONG:
-        return "the model does not explain the recordings; e (screen Why) says what it leaves out."
+        return "the model does not explain the recordings; press e to find what it leaves out (screen Why)."
     weak = [name for name in result.parameters if _weak(result, name)]
     if not weak:
-        return "nothing is missing; check with fidim validate on windows that were held out."
+        return "nothing is missing; check with fidim validate on held-out windows."
     share = ", ".join(
         f"{name} (± {percent((_sd(result.parameters[name]) or 0.0) / _scale(result, name)):.0f} %)" for name in weak
     )
-    return f"weakly known: {share}. fidim design plans equilibria that move the platform in what these weigh."
+    return f"weakly known: {share}. fidim design plans equilibria whose motion depends more on these."

@@ -32,7 +32,7 @@ def rig_lines(view: ScreenState, width: int) -> list[Line]:
     """The whole screen."""
     status = view.status
     if status is None:
-        return [line(Span("No state of the rig has come yet.", "dim"))]
+        return [line(Span("No state of the rig has arrived yet.", "dim"))]
     since = view.age or 0.0
     rows: list[Line] = [line(Span(_winch_head(width), "dim"))]
     for winch in status.winches:
@@ -87,7 +87,7 @@ def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
         row = (*row, Span(tension, _tension_style(winch)))
     further: list[Line] = []
     if old:
-        says = "nothing has ever come" if age is None else f"OLD VALUES: {age:.1f} s"
+        says = "no values yet" if age is None else f"OLD VALUES: {age:.1f} s"
         row = tuple(Span(span.text, "old") for span in row)
         further.append(line(Span(f"         ✗ {winch.name}: {says}", "bad")))
     if winch.fault:

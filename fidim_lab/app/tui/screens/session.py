@@ -43,10 +43,7 @@ FIRST_LEFT_OUT = ("role", "tries", "amplitude", "margin")
 VERDICT = 12
 """columns of the longest verdict, with the gap before it"""
 LEAST_BAR = 5
-HELP = (
-    "Prompts stand below and are answered by the letter shown; F12 stops everything at any time; ? explains each "
-    "screen."
-)
+HELP = "Prompts appear below; answer with the letter shown. F12 stops everything at any time. ? explains each screen."
 CURRENT = "▶"
 """begins the row of the present window"""
 
@@ -72,7 +69,7 @@ def _step(view: ScreenState, status: Status, width: int) -> list[Line]:
             line(Span(f"The run has ended: {_done(status)}.", "head")),
             *_why_it_ended(view, width),
             *_what_is_left(view, status, width),
-            line("i identifies, e asks what the model leaves out; q leaves."),
+            line("i: identify; e: explain what the model leaves out; q: leave."),
         ]
     if step is None:
         return [line(Span(text, "head")) for text in wrapped(_how_to_begin(status), width)]
@@ -101,17 +98,17 @@ def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
     """How to go on with a run that was cut off."""
     if view.welcome is None or all(row.state == "done" for row in status.equilibria):
         return []
-    says = f"What is left goes on with r, or: fidim resume {shlex.quote(view.welcome.folder)}"
+    says = f"Continue with r, or: fidim resume {shlex.quote(view.welcome.folder)}"
     return [line(Span(text, "key")) for text in wrapped(says, width)]
 
 
 def _how_to_begin(status: Status) -> str:
     recorded = any(row.state == "done" for row in status.equilibria)
-    said = f"{_done(status)} so far." if recorded else "Nothing has begun."
+    said = f"{_done(status)} so far." if recorded else "The run has not started."
     if status.phase != "idle":
         return said
-    first = "r resets the emergency stop (it is latched at first), then " if status.latched else ""
-    return f"{said} {first}g {'goes on' if recorded else 'starts the run'}. {HELP}"
+    first = "Press r to reset the emergency stop (it is latched at the start), then " if status.latched else ""
+    return f"{said} {first or 'Press '}g to {'continue' if recorded else 'start the run'}. {HELP}"
 
 
 def _done(status: Status) -> str:

@@ -10,7 +10,7 @@ VERDICTS: dict[str, tuple[str, Style]] = {
     "nothing-missing": ("✓ nothing is missing", "good"),
     "explained": ("✓ explained", "good"),
     "partly-explained": ("~ partly explained", "warn"),
-    "unknown-physics": ("✗ physics that has no name here", "bad"),
+    "unknown-physics": ("✗ unknown physics", "bad"),
     "sensor-fault": ("✗ a sensor is at fault", "bad"),
 }
 BEST = 12
@@ -22,12 +22,8 @@ def why_lines(result_files: ResultFiles, width: int, job: str = "", checked: Seq
     rows: list[Line] = [line(Span(job, "key"))] if job else []
     rows += [line(Span(text, "bad")) for problem in result_files.problems for text in wrapped(problem, width)]
     if result_files.explanation is None:
-        return [
-            *rows,
-            line(Span("Nothing is explained yet. e asks what the model leaves out; it takes minutes.", "dim")),
-            EMPTY,
-            *checked,
-        ]
+        says = "Nothing is explained yet. Press e to find what the model leaves out; it takes minutes."
+        return [*rows, *(line(Span(text, "dim")) for text in wrapped(says, width)), EMPTY, *checked]
     found = result_files.explanation
     verdict, style = VERDICTS.get(found.verdict, (found.verdict, ""))
     rows += [line(Span(verdict, style)), EMPTY, *_effects(found, width), EMPTY, *_before_after(found)]
@@ -70,7 +66,7 @@ def _effects(found: ShownExplanation, width: int) -> list[Line]:
 
 def _effect(effect: EffectTable, width: int) -> list[Line]:
     place = "" if effect.cable is None else f" of cable {effect.cable}"
-    alike = f" (not to be told from {', '.join(effect.alike)})" if effect.alike else ""
+    alike = f" (cannot be separated from {', '.join(effect.alike)})" if effect.alike else ""
     rows = [line(Span(text, "head")) for text in wrapped(f"{effect.id}{place}: {effect.says}{alike}", width, "  ")]
     for name, parameter in effect.parameters.items():
         sd = "held" if parameter.sd is None else f"± {parameter.sd:.2g}"

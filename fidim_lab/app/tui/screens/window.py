@@ -25,7 +25,7 @@ def window_lines(view: ScreenState, width: int, height: int, foreseen: Foreseen 
     if not view.recording and (figures := hand_lines(view, height)):
         return figures
     if len(trace.t) < 2:
-        says = "Nothing has been recorded since this screen came; the curves grow while a window is recorded."
+        says = "Nothing has been recorded since this screen was opened. Curves appear while a window is recorded."
         return [line(Span(text, "dim")) for text in wrapped(says, width)]
     known = foreseen if foreseen is not None and foreseen.of == (trace.window, trace.attempt) else None
     rows = [_head(view, trace, known, doubt, width)]
@@ -56,7 +56,7 @@ def _head(view: ScreenState, trace: Trace, known: Foreseen | None, doubt: str, w
     begin = f"{trace.window} #{trace.attempt}  {trace.t[-1] - trace.t[0]:.1f} s  {state}  "
     if known is None:
         return line(Span(begin, "head"), Span(left(doubt, max(width - len(begin), 0)), "dim"))
-    model = f"━ model: {known.body}, started on {known.fitted:.1f} s"
+    model = f"━ model: {known.body}, fitted to the first {known.fitted:.1f} s"
     return line(Span(begin, "head"), Span("━ recorded  ", "measured"), Span(model, "model"))
 
 

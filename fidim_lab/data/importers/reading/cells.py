@@ -117,7 +117,7 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
         hour = int(hours) if half is None else int(hours) % 12 + (12 if half.lower() == "p" else 0)
         return 3600.0 * hour + 60.0 * int(minutes) + float(seconds)
     if SLASHED.match(plain):
-        what = f"{text[:40]!r}: whether day or month comes first is not told."
+        what = f"{text[:40]!r}: it is not clear whether day or month comes first."
         raise FileError(path, f"line {line}, column {column}", what, hint="Write dates with the year first.")
     if not DATE.match(plain):
         return number(path, line, column, cell, decimal=decimal)
@@ -128,7 +128,7 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
         known = found if found.tzinfo else found.replace(tzinfo=UTC)
         return known.timestamp() + float(f"0.{digits or 0}")
     except (ValueError, OverflowError):
-        raise FileError(path, f"line {line}, column {column}", f"{text[:40]!r} is no time") from None
+        raise FileError(path, f"line {line}, column {column}", f"{text[:40]!r} is not a time") from None
 
 
 def is_dated(cell: str) -> bool:

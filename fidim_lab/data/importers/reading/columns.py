@@ -79,7 +79,7 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     skipped = next((k for k, cells in enumerate(below[:TOP]) if _is_time(cells, places[0], decimal)), 0)
     first = len(split) - len(below) + skipped
     width = max(len(header), *(len(cells) for cells in split[first : first + TOP] or [[]]))
-    decided = [f"{skipped} lines below the names of the columns are passed over"] if header and skipped else []
+    decided = [f"{skipped} lines below the names of the columns are ignored"] if header and skipped else []
     if split and len(split[-1]) < width and not text.endswith("\n"):
         split, numbered = split[:-1], numbered[:-1]
         decided.append("the last line was cut off and is left out")

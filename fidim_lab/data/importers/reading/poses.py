@@ -32,7 +32,7 @@ def by_matrices(path: Path, name: str, positions: Positions, matrices: Rotations
     known = np.where(seen[:, None, None], matrices, np.eye(3))
     product = known @ known.swapaxes(1, 2)
     wrong = np.asarray((np.abs(product - np.eye(3)).max(axis=(1, 2)) > OFF) | (np.linalg.det(known) < 0.0))
-    _refuse(path, name, wrong, "a matrix that is no rotation")
+    _refuse(path, name, wrong, "a matrix that is not a rotation")
     turned = Rotation.from_matrix(known).as_matrix()
     rotations = np.where(seen[:, None, None], turned, np.nan)
     return BodyTrack(name, np.where(seen[:, None], positions, np.nan), rotations)

@@ -104,7 +104,7 @@ def test_the_last_sentence_is_honest(result, says):
     assert says in closing_sentence(result)
 
 
-@pytest.mark.parametrize("cause", ["", "The recorded motion dies out."])
+@pytest.mark.parametrize("cause", ["", "The recorded motion decays."])
 def test_a_failed_fit_gives_way_to_equations_only_where_it_does_not_say_what_is_missing(cause, monkeypatch, irma4):
     """What its model lacks, the equations lack, too."""
     failed = replace(made_up(outcome=ResultOutcome.NOT_CONVERGED, noise_ratio=4.0), method=Method.MLE, cause=cause)
@@ -167,7 +167,7 @@ def test_poses_from_the_robots_own_sensors_beside_those_of_the_cameras(shared, t
     [
         (["--pose-from", "gyroscope"], 2, "'gyroscope' is not one of 'mocap', 'swivel', 'both'"),
         (["--pose-from", "swivel"], 2, "Window i01 has no column s1, s2, s3, s4"),
-        (["--pose-from", "both", "--paper"], 2, "goes with neither --paper nor --report"),
+        (["--pose-from", "both", "--paper"], 2, "cannot be used with --paper or --report"),
     ],
 )
 @pytest.mark.shared

@@ -46,7 +46,7 @@ def test_simulate_takes_the_plan(designed: Path, irma4_file: Path):
 def test_a_folder_with_files_is_left_alone(designed: Path):
     done = CliRunner().invoke(fidim, ["design", *QUICK, "--out", str(designed / "d")])
     assert isinstance(done.exception, SetupError)
-    assert "holds files already" in done.exception.message
+    assert "is not empty" in done.exception.message
 
 
 @pytest.mark.slow
@@ -67,7 +67,7 @@ def test_a_plan_for_winches(tmp_path: Path, monkeypatch):
 def test_what_only_winches_ask_for_is_not_ignored(option: str):
     done = CliRunner().invoke(fidim, ["design", *QUICK, option])
     assert done.exit_code == 2
-    assert f"{option.split('=')[0]} goes with --by-winches" in done.output
+    assert f"{option.split('=')[0]} needs --by-winches" in done.output
 
 
 def test_a_study_for_winches_is_refused(tmp_path: Path):
@@ -81,10 +81,10 @@ def test_what_means_nothing_after_a_session_is_not_ignored(tmp_path: Path):
     given = ["--after", str(tmp_path / "explanation.json"), "--seed", "2", "--by-winches", "--starts", "3", "--study"]
     done = CliRunner().invoke(fidim, ["design", *given])
     assert done.exit_code == 2
-    assert "--starts, --by-winches, --study: not with --after, which takes no more than --campaign, " in done.output
+    assert "--starts, --by-winches, --study cannot be used with --after. Allowed with it: --campaign, " in done.output
     done = CliRunner().invoke(fidim, ["design", "--campaign", str(tmp_path)])
     assert done.exit_code == 2
-    assert "--campaign goes with --after" in done.output
+    assert "--campaign needs --after" in done.output
 
 
 WRONG_ROBOTS = {

@@ -90,7 +90,7 @@ def test_options_for_one_campaign_are_refused_with_several(
     folders: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.run(["identify", *folders, "--method", "tls"]) == 2
-    assert "--method does not go with a second campaign" in capsys.readouterr().err
+    assert "--method cannot be used with a second campaign" in capsys.readouterr().err
 
 
 def test_one_campaign_twice_is_refused(folders: tuple[str, str], capsys: Capsys) -> None:

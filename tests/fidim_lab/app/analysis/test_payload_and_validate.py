@@ -97,7 +97,7 @@ def test_without_payload_a_result_has_no_key_more(pair: Pair, tmp_path: Path) ->
         (["--payload", "EMPTY", "--mass", "1", "--at", "120,-150,50"], 2, "metres are expected"),
         (["--payload", "nowhere", "--mass", "1", "--at", "0,0,0.1"], 2, "no such folder"),
         (["--payload", "EMPTY", "--mass", "1", "--at", "0,0,-0.1"], 1, "does not show the mass"),
-        (["--paper", "--method", "iv"], 2, "does not go with --method iv"),
+        (["--paper", "--method", "iv"], 2, "cannot be used with --method iv"),
     ],
 )
 @pytest.mark.sampled(6)

@@ -110,7 +110,7 @@ def test_the_table_says_what_is_hidden_and_what_to_type_next(robot_file, tmp_pat
     assert "swivel-friction (c = 0.02 N m)" in shown
     assert f"next        fidim identify {out}" in shown
     assert "planning" in progress
-    assert "recording in the simulated world: 2 windows" in progress
+    assert "simulating: 2 windows" in progress
     assert "planning" not in shown
 
 

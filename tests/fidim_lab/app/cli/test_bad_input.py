@@ -93,7 +93,7 @@ CASES: dict[str, tuple[Callable[[dict[str, Campaign]], Campaign], str, int | Non
         "Window i01 is not used: its cable lengths and its markers miss each other by 13.4 mm at its start (0.00 s)",
     ),
     "slack cable, trajectories": (
-        lambda c: c["slack"], "mle", 0, "Window i01: cable 1 goes slack 0.19 s after its begin",
+        lambda c: c["slack"], "mle", 0, "Window i01: cable 1 goes slack 0.19 s after its start",
     ),
     "one window in millimetres": (
         lambda c: only(c["good"], lambda w: replace(w, markers=1000 * w.markers)), "tls", 0,

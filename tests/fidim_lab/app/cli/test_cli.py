@@ -38,16 +38,19 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
         (["dry-run", "--equilibria", "0"], "0 is not in the range"),
         (["dry-run", "--robot", "none.toml"], "none.toml: no such file"),
         (["dry-run", "--hide", "gremlins"], "no effect is called 'gremlins'"),
-        (["dry-run", "--light"], "--light goes with --ui."),
-        (["dry-run", "--ui", "--json", "a.json"], "--json does not go with --ui."),
-        (["run", "a.toml", "--rig", "b.toml", "--hide", "air-drag-linear"], "--hide goes with --embedded."),
-        (["run", "a.toml", "--rig", "b.toml", "--seed", "2"], "--seed goes with --embedded."),
+        (["dry-run", "--light"], "--light needs --ui."),
+        (["dry-run", "--ui", "--json", "a.json"], "--json cannot be used with --ui."),
+        (["run", "a.toml", "--rig", "b.toml", "--hide", "air-drag-linear"], "--hide needs --embedded."),
+        (["run", "a.toml", "--rig", "b.toml", "--seed", "2"], "--seed needs --embedded."),
         (
             ["simulate", "--robot", "irma4", "--out", "out", "--plan", "a.toml", "--equilibria", "3"],
-            "not go with --pla",
+            "cannot be used with --pla",
         ),
-        (["simulate", "--robot", "irma4", "--out", "out", "--plan", "a.toml", "--validate", "3"], "not go with --plan"),
-        (["ui", "--port", "8421"], "--port goes with --web."),
+        (
+            ["simulate", "--robot", "irma4", "--out", "out", "--plan", "a.toml", "--validate", "3"],
+            "cannot be used with --plan",
+        ),
+        (["ui", "--port", "8421"], "--port needs --web."),
         (["fly"], "No such command 'fly'"),
         (["import", "vhs", "tape", "--out", "out"], "vhs"),
         (["report", "nowhere"], "nowhere"),
@@ -76,13 +79,13 @@ def _numbers():
 @pytest.mark.parametrize("parameter", list(_numbers()))
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
 def test_numbers_are_finite(parameter: click.Parameter, number: str) -> None:
-    with pytest.raises(click.BadParameter, match=r"no finite number|not in the range"):
+    with pytest.raises(click.BadParameter, match=r"not a finite number|not in the range"):
         parameter.type.convert(number, parameter, None)
 
 
 def test_a_number_that_is_none_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["design", "--by-winches", "--winch-speed", "nan"]) == 2
-    assert "Invalid value for '--winch-speed': nan is no finite number." in capsys.readouterr().err
+    assert "Invalid value for '--winch-speed': nan is not a finite number." in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

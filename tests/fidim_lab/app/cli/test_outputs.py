@@ -78,7 +78,7 @@ def test_a_folder_in_which_nothing_can_be_made(capsys):
 def test_a_file_is_no_folder(tmp_path, capsys):
     (tmp_path / "file").write_text("mine")
     assert run(["design", "--out", str(tmp_path / "file")]) == 2
-    assert "exists already, and is a file" in capsys.readouterr().err
+    assert "exists already and is a file" in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == "mine"
 
 
@@ -131,7 +131,7 @@ def test_what_fails_later_is_said_in_words(said, tmp_path):
     code, words = said(gone, "--out", tmp_path / "new")
     assert (code, "new: cannot be written: No such file" in words) == (2, True), words
     code, words = said(full, "--json", tmp_path / "x.json")
-    assert (code, "cannot be written: No space left on device. Make room" in words) == (3, True), words
+    assert (code, "cannot be written: No space left on device. Free some disk space" in words) == (3, True), words
 
 
 def test_a_file_that_cannot_be_read_is_named_not_called_a_bug(said, tmp_path):
@@ -146,4 +146,4 @@ def test_a_file_that_cannot_be_read_is_named_not_called_a_bug(said, tmp_path):
 )
 def test_a_word_too_many_is_told_which_options_take_a_file(typed, options, capsys):
     assert run(typed) == 2
-    assert f"“{typed[-1]}” is too much. Files and folders are named by {options}" in capsys.readouterr().err
+    assert f"“{typed[-1]}” is not expected here. Give files and folders with {options}" in capsys.readouterr().err

@@ -89,7 +89,7 @@ def test_a_serial_port_that_is_closed_names_the_group_that_opens_it(tmp_path, mo
     check = _port(tmp_path, monkeypatch, open_=False, group="dialout")
     assert check.verdict is CheckVerdict.WARNING
     assert "ttyUSB0 cannot be opened by you" in check.found
-    assert "sudo usermod -aG dialout $USER, then log in anew" in check.advice
+    assert "sudo usermod -aG dialout $USER, then log in again" in check.advice
 
 
 def test_a_port_of_root_is_for_the_administrator(tmp_path, monkeypatch):

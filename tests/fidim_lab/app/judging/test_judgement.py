@@ -102,7 +102,7 @@ def test_a_class_of_effects_asks_for_the_window_that_separates_it(monkeypatch, f
     assert found.clarity is Clarity.UNCLEAR
     assert found.window[:6] == pytest.approx(Z)
     assert len(found.window) == campaign.robot.n + 5
-    assert "cannot tell cable-length-bias from anchor-offset. 2 more windows, of which this is the first" in found.says
+    assert "cannot separate cable-length-bias from anchor-offset. 2 more windows, this one and later ones" in found.says
     assert "in 80 % of cases" in found.says
     ((ids, options),) = asked
     assert ids == ["cable-length-bias"]
@@ -120,7 +120,7 @@ def test_the_claim_with_the_best_odds_comes_first(monkeypatch, folder):
     found, _ = judged(
         monkeypatch, folder, explanation(Verdict.EXPLAINED, TILT, BIAS), lambda c, _: proposal(c, odds[c.id])
     )
-    assert "tell cable-length-bias from anchor-offset in 90 %" in found.says
+    assert "separate cable-length-bias from anchor-offset in 90 %" in found.says
 
 
 def test_what_no_window_separates_ends_it_and_says_what_a_person_could_do(monkeypatch, folder):
@@ -133,7 +133,7 @@ def test_what_no_window_separates_ends_it_and_says_what_a_person_could_do(monkey
     assert (found.clarity, found.window) == (Clarity.STUCK, ())
     assert [options["more_markers"] for _, options in asked] == [False, True]
     assert "with 3 markers on the platform" in found.says
-    assert found.says.endswith("free motion hardly separates them. Carry a known payload.")
+    assert found.says.endswith("free motion can hardly separate them. Carry a known payload.")
 
 
 def test_without_a_name_the_body_is_asked_for(monkeypatch, folder):
@@ -160,7 +160,8 @@ def test_a_window_that_would_tell_nothing_is_not_recorded(monkeypatch, folder):
         know=lambda: NextWindow(np.array(Z), sd, 0.99 * sd),
     )
     assert found.clarity is Clarity.STUCK
-    assert found.says == "As it is. No window within the limits would tell more about the body. Half the displacement."
+    no_use = "No window within the limits would improve the accuracy of the body."
+    assert found.says == f"As it is. {no_use} Half the displacement."
 
 
 def test_where_nothing_can_be_proposed_the_reason_is_said(monkeypatch, folder):
@@ -174,7 +175,7 @@ def test_where_nothing_can_be_proposed_the_reason_is_said(monkeypatch, folder):
 
 def test_both_are_said_where_something_remains_beside_a_class():
     assert why_unclear(explanation(Verdict.PARTLY_EXPLAINED, BIAS)) == (
-        "As it is. The data cannot tell cable-length-bias from anchor-offset."
+        "As it is. The data cannot separate cable-length-bias from anchor-offset."
     )
 
 

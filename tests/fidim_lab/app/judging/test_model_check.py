@@ -79,7 +79,7 @@ def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_pa
     told = checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), True), (finished("i02"), False)])
     (only,) = told
     assert only.holds is None
-    assert "is not checked any more" in only.says
+    assert "is no longer checked" in only.says
 
 
 def test_closing_twice_before_an_answer_has_come_ends_no_run(monkeypatch, tmp_path):

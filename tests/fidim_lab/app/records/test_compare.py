@@ -73,7 +73,7 @@ def test_a_difference_beyond_chance_is_named_and_fails(file_of, tmp_path, capsys
     assert told["format"] == "fidim-comparison/1"
     assert told["agree"] is False
     assert told["parameters"]["s_z"]["z"] == pytest.approx(-2e-4 / (3e-5 * np.sqrt(2)))
-    assert "differ beyond chance (3.3 sd) in s_z, I_yy" in told["message"]
+    assert "differ by more than chance explains (3.3 sd) in s_z, I_yy" in told["message"]
     assert told["windows"][1]["a"]["chi2_per_dof"] == 1.02
     assert "-4.7" in capsys.readouterr().out
 

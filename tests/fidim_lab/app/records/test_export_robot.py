@@ -172,7 +172,7 @@ def test_what_cannot_be_exported_is_told(folder: Path, tmp_path: Path, capsys: p
     assert _export(folder, "mjcf", tmp_path / "a.xml", "--window", "v99") == 2
     assert "there are i01, v01" in capsys.readouterr().err
     assert run(["export", str(folder / "lay.json"), "--to", "mjcf", "--window", "v01"]) == 2
-    assert "--window goes with --campaign" in capsys.readouterr().err
+    assert "--window needs --campaign" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -216,7 +216,7 @@ def test_an_axis_with_which_cables_would_stretch_is_refused_with_the_one_that_fi
     done = invoke(fidim, [*arguments, "--map", "own.toml", "--up", "x"])
     assert done.exit_code == 1, done.output
     said = done.output.replace("\n", " ")
-    assert "With x upwards, as asked for, cable lengths vary by" in said
+    assert "With x upwards, as requested, cable lengths vary by" in said
     assert "Say --up z." in said
 
 

@@ -153,7 +153,7 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], list[str], str]] = {
     "another rate": ("motive-csv", lambda swing: motive(swing, rate="120"), [], "120 Hz, its column of times 100 Hz"),
     "59.94 said of 60": ("trc", lambda swing: trc(swing, rate="99.9"), [], "99.9 Hz, its column of times 100 Hz"),
     "another rate of QTM": ("qtm-tsv", lambda swing: qtm(swing, rate="120", timed=True), [], "Say the right one"),
-    "a name twice": ("motive-csv", lambda swing: motive(swing, names=["m"] * 5), [], "'m' is there twice"),
+    "a name twice": ("motive-csv", lambda swing: motive(swing, names=["m"] * 5), [], "'m' occurs twice"),
     "w first": ("csv", lambda swing: poses(swing, order=[3, 0, 1, 2]), ["--map", "poses"], "taken as w, x, y, z"),
     "w last": ("csv", lambda swing: poses(swing, order=[1, 2, 3, 0]), ["--map", "poses"], "taken as x, y, z, w"),
     "world to body": (

@@ -73,7 +73,7 @@ def imported_robot(lab_recording, tmp_path: Path):
     ("kind", "robot", "takes", "says"),
     [
         ("grab", Path("r.toml"), None, "its own geometry"),
-        ("irma4u", None, "1", "belongs to grab"),
+        ("irma4u", None, "1", "can only be used with grab"),
         ("trc", None, None, "needs --robot"),
         ("sonar", None, None, "Known kinds|sonar"),
     ],

@@ -45,7 +45,7 @@ def add(folder):
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (change, "changed  windows/i01.csv (24 bytes, other ones)"),
+        (change, "changed  windows/i01.csv (24 bytes, but with other contents)"),
         (cut, "changed  raw/can.log (20 bytes were recorded, 4 found)"),
         (lose, "missing  rejected/i01-attempt1.mcap.part"),
         (add, "extra    windows/i09.csv"),

@@ -172,7 +172,7 @@ def write_folder(tmp_path_factory):
             lines.attempt(problem="amplitude is 0.004 m").attempt().attempt("v02")
             (folder / "rejected").mkdir()
             (folder / "rejected" / "i01-attempt1.csv").write_text("t,x,y,z\n")
-            lines.step("GiveUp", "v03", Outcome.SKIPPED, "left out by the operator").end()
+            lines.step("GiveUp", "v03", Outcome.SKIPPED, "skipped by the operator").end()
         return folder
 
     return write

@@ -178,7 +178,7 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
     [
         (Verdict.NOTHING_MISSING, "nothing missing"),
         (Verdict.PARTLY_EXPLAINED, "a part of what is missing, air-drag-linear: held-out χ²/dof goes from 41 to 1.02"),
-        (Verdict.UNKNOWN_PHYSICS, "no effect of its catalogue"),
+        (Verdict.UNKNOWN_PHYSICS, "not in its catalogue"),
         (Verdict.SENSOR_FAULT, "a fault of a sensor"),
     ],
 )

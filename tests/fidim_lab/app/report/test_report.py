@@ -85,7 +85,7 @@ def test_the_run_is_told(full):
     text = " ".join(Reader(full).words)
     assert "amplitude is 0.004 m" in text
     assert "rejected/i01-attempt1.csv" in text
-    assert "given up: left out by the operator" in text
+    assert "given up: skipped by the operator" in text
     assert "49–72 N" in text  # tensions at rest
     assert "All winches stand still, held." in text
     assert "air-drag-linear" in text
@@ -176,7 +176,7 @@ def load_cells(campaign):
 @pytest.mark.parametrize(
     ("change", "there", "absent"),
     [
-        (without(currents=None), "Tensions from the model, for want of motor currents", "Tensions from motor"),
+        (without(currents=None), "Tensions from the model, since there are no motor currents", "Tensions from motor"),
         (without(lengths=None, currents=None), "Main marker from rest", "Tensions from motor"),
         (without(equilibrium=None), "Main marker from its mean", "from rest"),
         (without(), "No window was held out", "nowhere"),
@@ -220,7 +220,7 @@ def test_a_method_without_equations_needs_none(campaign, write_folder, result_of
     text = " ".join(Reader(page_of(write_folder(campaign), replace(result, windows=windows))).words)
     assert "Δ = recorded − model" in text
     assert "ε" not in text
-    assert "as good as fitted" not in text
+    assert "expected σ⊥" not in text
 
 
 @pytest.mark.parametrize("windows", [24, 60])
@@ -250,7 +250,7 @@ def test_a_run_without_a_window_is_told_too(campaign, write_folder, journal_at):
     journal_at(folder / "journal.jsonl").begin("i01").start("MoveTo")
     text = " ".join(Reader(page_of(folder, None)).words)
     assert "No window was recorded" in text
-    assert "The run was over before the first window was accepted." in text
+    assert "The run ended before the first window was accepted." in text
     assert "the run broke off" in text
     assert "the run ended before these were accepted: i01" in text
 

@@ -111,7 +111,7 @@ def test_columns_appear_only_when_known():
 def test_the_sentence_about_truth_counts_and_names_the_worst():
     rows = (replace(ROW, true=193.05), replace(ROW, name="I_xx", true=192.7))
     assert "1 of 2 parameters lie within twice" in truth_sentence(rows)
-    assert "5.0 times at worst (I_xx)" in truth_sentence(rows)
+    assert "at most 5.0 times (I_xx)" in truth_sentence(rows)
     assert truth_sentence((ROW,)) == ""
 
 
@@ -156,12 +156,12 @@ def test_the_manifest_is_held_against_the_files(tmp_path):
     (tmp_path / "a.csv").write_text("t,x\n")
     write_manifest(tmp_path)
     (intact, recorded) = provenance(tmp_path).manifest
-    assert intact == ("against manifest.json", "✓ all 1 files are as when the run ended")
+    assert intact == ("against manifest.json", "✓ all 1 files are unchanged since the run ended")
     assert recorded[1].startswith("CPython 3")
     (tmp_path / "a.csv").write_text("t,y\n")
     (tmp_path / "b.csv").write_text("")
     said = provenance(tmp_path).manifest[0][1]
-    assert said == "✗ a.csv (4 bytes, other ones); b.csv is new"
+    assert said == "✗ a.csv (4 bytes, but with other contents); b.csv is new"
 
 
 def test_pictures_become_files_of_their_own(tmp_path):

@@ -16,7 +16,7 @@ def path(tmp_path):
 def test_attempts_and_verdicts(path, journal_at):
     lines = journal_at(path).begin("i01", "v02", "v03")
     lines.attempt(problem="too little").attempt().attempt("v02")
-    lines.step("GiveUp", "v03", Outcome.SKIPPED, "left out by the operator").end()
+    lines.step("GiveUp", "v03", Outcome.SKIPPED, "skipped by the operator").end()
     story = read_story(path)
     first, second, third = story.windows
     assert [(a.number, a.outcome, a.reason) for a in first.attempts] == [
@@ -26,7 +26,7 @@ def test_attempts_and_verdicts(path, journal_at):
     assert first.outcome is Outcome.PASS
     assert first.attempts[0].measurements[0].low == 0.005
     assert (len(second.attempts), second.outcome) == (1, Outcome.PASS)
-    assert (third.attempts, third.outcome, third.reason) == ((), Outcome.SKIPPED, "left out by the operator")
+    assert (third.attempts, third.outcome, third.reason) == ((), Outcome.SKIPPED, "skipped by the operator")
     assert story.recordings == 3
     assert (story.outcome, story.held) == (Outcome.PASS, "All winches stand still, held.")
 

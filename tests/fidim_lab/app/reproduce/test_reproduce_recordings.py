@@ -22,7 +22,7 @@ def test_a_folder_of_another_kind_is_refused(tmp_path: Path, capsys: Capsys) -> 
 
 def test_options_of_the_simulation_do_not_go_with_recordings(tmp_path: Path, capsys: Capsys) -> None:
     assert cli.run(["reproduce", "--recordings", str(tmp_path), "--seed", "3"]) == 2
-    assert "--seed does not go with --recordings" in capsys.readouterr().err
+    assert "--seed cannot be used with --recordings" in capsys.readouterr().err
 
 
 def test_filtered_poses_that_do_not_fit_are_named(tmp_path: Path) -> None:

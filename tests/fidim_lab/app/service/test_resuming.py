@@ -88,6 +88,6 @@ def test_a_folder_that_is_trusted_is_asked_nothing(tmp_path, begun, typing):
 
 def test_a_procedure_that_is_a_file_is_carried_out_only_where_a_person_says_so(tmp_path, begun, typing):
     typing(b"no\n")
-    with pytest.raises(RefusedError, match="nobody trusts"):
+    with pytest.raises(RefusedError, match="was not allowed"):
         _resumed(tmp_path, begun, procedure="/tmp/theirs.py")
     assert begun == []

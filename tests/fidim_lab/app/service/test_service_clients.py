@@ -109,7 +109,7 @@ def test_one_client_commands_the_others_watch(serving):
                 refused = await two.command(command)
                 assert not refused.ok
                 assert "has the lease" in refused.says
-            with pytest.raises(RefusedError, match="has it"):
+            with pytest.raises(RefusedError, match="has the lease"):
                 await two.take_lease()
             assert (await two.command(TakeLease(force=True))).ok
             assert not (await one.command(Start())).ok

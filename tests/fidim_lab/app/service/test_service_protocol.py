@@ -110,14 +110,14 @@ def test_what_is_wrong_with_a_line_is_said_in_printable_words():
 
 
 REFUSED = [
-    (b"GET / HTTP/1.1\r\n\n", "no message"),
-    (b"\xff\xfe\x00\n", "no message"),
-    (b"\n", "no message"),
-    (b"[]\n", "no message"),
-    (b'{"type":"hello","protocol":"fidim-service/2"}\n', "speaks fidim-service/1, the client fidim-service/2"),
+    (b"GET / HTTP/1.1\r\n\n", "not a message"),
+    (b"\xff\xfe\x00\n", "not a message"),
+    (b"\n", "not a message"),
+    (b"[]\n", "not a message"),
+    (b'{"type":"hello","protocol":"fidim-service/2"}\n', "protocol fidim-service/1, the client fidim-service/2"),
     (b'{"type":"hello","surprise":1}\n', "surprise"),
     (b'{"type":"command","id":1,"command":{"name":"start"}}\n', "first message must be hello"),
-    (HELLO + HELLO, "second hello"),
+    (HELLO + HELLO, "hello was sent twice"),
     (HELLO + b'{"type":"command","id":1,"command":{"name":"fly"}}\n', "fly"),
     (HELLO + b'{"type":"command","id":1,"command":{"name":"skip"}}\n', "reason"),
     (HELLO + b'{"type":"command","id":1,"command":{"name":"abort","reason":""}}\n', "reason"),
@@ -239,7 +239,7 @@ def test_a_stop_that_cannot_be_kept_is_told_and_one_that_cannot_be_forgotten_sta
     until(lambda: told)
     assert "in this service only" in told[0]
     path.mkdir(parents=True)
-    assert "so the stop stays" in latch.second_step(latch.first_step())
+    assert "so the stop remains" in latch.second_step(latch.first_step())
     assert latch.latched
 
 

@@ -54,7 +54,7 @@ BOTH = ("displace-and-release=done", "steady=done@2")
 
 def test_a_prompt_without_a_stated_answer_refuses_to_start(tmp_path):
     work = prepare(make_spec(options(tmp_path, answers=BOTH[:1])))
-    with pytest.raises(SetupError, match="nobody would answer these prompts: steady"):
+    with pytest.raises(SetupError, match="these prompts have no answer: steady"):
         require_answers(work)
     require_answers(prepare(make_spec(options(tmp_path, answers=BOTH))))
     require_answers(prepare(make_spec(options(tmp_path, unattended=False))))
@@ -66,9 +66,12 @@ def test_a_prompt_without_a_stated_answer_refuses_to_start(tmp_path):
     ("more", "says"),
     [
         ({"answers": ("steady=perhaps",), "unattended": False}, "the choices are done, skip, abort"),
-        ({"answers": ("confirm=done",), "unattended": False}, "identify does not ask this; it asks displace-and-re"),
-        ({"answers": ("hang-in=done", *BOTH)}, "--answer hang-in=done: identify does not ask this"),
-        ({"answers": BOTH, "procedure": "align"}, "align does not ask this; it asks nothing"),
+        (
+            {"answers": ("confirm=done",), "unattended": False},
+            "identify has no such prompt; its prompts are displace-and-re",
+        ),
+        ({"answers": ("hang-in=done", *BOTH)}, "--answer hang-in=done: identify has no such prompt"),
+        ({"answers": BOTH, "procedure": "align"}, "align has no such prompt; it has no prompts"),
     ],
 )
 def test_an_answer_that_no_prompt_offers_is_refused_attended_and_listed_too(more, says, tmp_path):
@@ -112,7 +115,7 @@ def test_what_align_has_measured_with_this_rig_goes_with_the_run(tmp_path):
         ({"settings": ("guard.slip=1e999",)}, "TABLE.KEY=NUMBER"),
         ({"quiet_hours": "ten to six"}, "HH:MM-HH:MM"),
         ({"quiet_hours": "25:00-06:00"}, "from 00:00 to 23:59"),
-        ({"quiet_hours": "22:00-22:00"}, "end when they begin"),
+        ({"quiet_hours": "22:00-22:00"}, "begin and end are the same"),
     ],
 )
 def test_wrong_options_are_told(what, says, tmp_path):

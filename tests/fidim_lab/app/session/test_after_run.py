@@ -13,8 +13,8 @@ REHEARSAL = RunSpec(plan=Path("/p"), rig=Path("/r"), out=Path("my runs/r1"), emb
 
 def test_the_load_is_named_with_what_to_do() -> None:
     first, *_, last = load_advice(REHEARSAL, 3, load=9.13, cores=2)
-    assert first.startswith("This computer is overloaded: in the last minute 9.1 processes wanted its 2 cores.")
-    assert "simulated drives share it" in first
+    assert first.startswith("This computer is overloaded: in the last minute 9.1 processes competed for its 2 cores.")
+    assert "simulated drives run on it" in first
     assert last == "    fidim resume 'my runs/r1'"
     assert "simulated" not in load_advice(REHEARSAL.model_copy(update={"embedded": False}), 3, load=9.13, cores=2)[0]
 
@@ -29,7 +29,7 @@ def test_nothing_is_said_of_an_idle_computer_or_of_a_run_that_no_guard_stopped()
     ("reason", "told"),
     [
         ("The stale winch guard stopped the run while recording i01: winch 2 has sent nothing for 0.3 s.", True),
-        ("winch 1: has not begun its move within 3 s of the others.", True),
+        ("winch 1: did not start its move within 3 s of the others.", True),
         ("The emergency stop guard stopped the run: somebody pressed F12.", False),
     ],
 )

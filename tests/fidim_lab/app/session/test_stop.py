@@ -170,4 +170,4 @@ def test_a_rig_without_a_service_is_told_what_goes_on(place, tmp_path):
         done, said = stop(place, "--rig", str(rig))
         assert process.is_alive()
     assert said["exit_code"] == 1
-    assert "is running; runs/other goes on. To stop all: fidim stop." in " ".join(done.stdout.split())
+    assert "is running; runs/other is still running. To stop all: fidim stop." in " ".join(done.stdout.split())

@@ -52,7 +52,7 @@ def test_a_run_on_a_stopped_rig_moves_nothing_unless_both_questions_are_answered
     assert run(["run", str(rig.with_name("plan.toml")), "--rig", str(rig), "--out", str(rig.with_name("r"))]) == 1
     said = capfd.readouterr().err
     assert SENTENCE in said
-    assert "has the cause gone?" in said
+    assert "has the cause been removed?" in said
     assert started == []
     assert read_stop(stop_path(rig, embedded=False)) == STOPPED
 

@@ -21,4 +21,4 @@ def test_trials_are_listed_without_a_name_and_not_begun_without_one(tmp_path, mo
     assert run(["commission", str(SIMULATED), "--list"]) == 0
     assert "quick stop" in capsys.readouterr().out
     assert run(["commission", str(SIMULATED)]) == 2
-    assert "nobody is named" in capsys.readouterr().err
+    assert "--by is missing" in capsys.readouterr().err

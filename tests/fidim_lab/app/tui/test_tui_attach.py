@@ -49,7 +49,7 @@ def test_the_only_service_is_found_and_of_several_the_one_of_a_folder(runtime, t
 def test_a_folder_and_a_rig_are_too_much_and_a_folder_must_be_one(tmp_path):
     with pytest.raises(SetupError, match="not both"):
         finder_for(tmp_path, tmp_path / "rig.toml")
-    with pytest.raises(SetupError, match="is no folder"):
+    with pytest.raises(SetupError, match="is not a folder"):
         finder_for(tmp_path / "absent", None)
 
 
@@ -167,7 +167,7 @@ def test_a_port_that_is_taken_is_said(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with pytest.raises(SetupError, match="cannot be listened at"):
+        with pytest.raises(SetupError, match="cannot be used"):
             serve(tmp_path, None, taken.getsockname()[1])
 
 

@@ -107,7 +107,7 @@ async def _used(page, address, fake):
     assert {one.partition("://")[2].partition("/")[0] for one in page.asked if not one.startswith("data:")} == {home}
     await page.press("q")
     await page.until("document.body.classList.contains('-closed')")
-    assert "STOPS NOTHING" in await page.evaluate("document.body.innerText")
+    assert "NO KEY OF THIS SCREEN STOPS" in await page.evaluate("document.body.innerText")
 
 
 async def _dull(page):

@@ -129,7 +129,7 @@ def test_a_prompt_that_answers_itself_counts_down():
         number=1, kind="confirm", window="", text="Go on?", choices=("done",), default="done", default_after=30.0
     )
     shown = text_of(prompt_lines(ScreenState(now=12.0, contact=Connection.LIVE, question=question, asked=2.0), 80))
-    assert "“done” by itself in 20 s" in shown
+    assert "“done” automatically in 20 s" in shown
 
 
 def test_the_hand_at_the_platform_sees_how_far_the_marker_is_displaced(fake):
@@ -166,7 +166,7 @@ def test_the_tracker_keeps_events_in_order_and_forgets_prompts_that_are_closed()
     assert tracker.view(0.0).question is not None
     tracker.take(PromptClosed(number=4), 0.0)
     assert tracker.view(0.0).question is None
-    assert "5 older ones are in the journal" in text_of(log_lines(tracker.view(0.0), 80))
+    assert "5 older events are only in the journal" in text_of(log_lines(tracker.view(0.0), 80))
 
 
 def test_an_old_state_is_never_live(fake):
@@ -314,15 +314,17 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
 
 
 def test_nothing_identified_yet_says_which_key_does_it():
-    assert "i identifies" in text_of(result_lines(ResultFiles(), 79))
-    assert "e asks" in text_of(why_lines(ResultFiles(), 79, "fidim explain: computing …"))
+    assert "Press i to identify" in text_of(result_lines(ResultFiles(), 79))
+    assert "Press e" in text_of(why_lines(ResultFiles(), 79, "fidim explain: computing …"))
 
 
 def test_a_step_that_nobody_has_begun(fake):
     fake.become(phase="idle", step=None, equilibria=(), latched=True)
-    assert "r resets" in text_of(session_lines(ScreenState(status=fake.state), 79))
+    assert "Press r to reset" in text_of(session_lines(ScreenState(status=fake.state), 79))
     fake.become(phase="idle", step=None, equilibria=(), latched=False)
-    assert "Nothing has begun. g starts the run." in text_of(session_lines(ScreenState(status=fake.state), 79))
+    assert "The run has not started. Press g to start the run." in text_of(
+        session_lines(ScreenState(status=fake.state), 79)
+    )
     fake.become(step=StepState(number=1, step="Hold", window="", text="", phase="preparing", fraction=0, left=1))
     assert "Hold" in text_of(session_lines(ScreenState(status=fake.state), 79))
 
@@ -330,7 +332,7 @@ def test_a_step_that_nobody_has_begun(fake):
 def test_a_run_that_was_cut_off_says_how_it_goes_on_and_one_that_is_whole_does_not(fake):
     fake.become(phase="ended", step=None, latched=True, latched_why="by hand")
     ended = ScreenState(contact=Connection.ENDED, welcome=replace_folder("/r/a run"), status=fake.state, age=3.0)
-    assert "What is left goes on with r, or: fidim resume '/r/a run'" in text_of(session_lines(ended, 79))
+    assert "Continue with r, or: fidim resume '/r/a run'" in text_of(session_lines(ended, 79))
     assert "r starts the service again" in text_of(state_lines(ended, 80))  # there is none to reset
     fake.become(equilibria=fake.state.equilibria[:1])
     whole = ScreenState(contact=Connection.ENDED, welcome=WELCOME, status=fake.state, age=3.0)

@@ -32,7 +32,7 @@ async def drawn(screen, text):
 
 
 @pytest.mark.parametrize("size", [SIZE, (44, 12), (80, 24)])
-@pytest.mark.parametrize(("key", "must"), [("x", "[y]"), ("k", "[Enter]"), ("question_mark", "The step at hand")])
+@pytest.mark.parametrize(("key", "must"), [("x", "[y]"), ("k", "[Enter]"), ("question_mark", "The present step")])
 @pytest.mark.parametrize("state", ["running", "latched", "prompt"])
 def test_a_dialog_shows_its_question_and_answers_without_scrolling(opened, key, must, state, size):
     async def see(screen):
@@ -72,10 +72,10 @@ def test_a_prompt_is_whole_at_any_width(fake, width):
     rows = text_of(prompt_lines(view, width)).splitlines()
     said = "\n".join(rows)
     assert max(map(len, rows)) <= width
-    assert "wanted from rest  x -26 mm  y +54 mm" in said
+    assert "displace by  x -26 mm  y +54 mm" in said
     assert "NOW  x +12 mm  y -66 mm" in said
     assert all(f"[{choice[0]}] {choice}" in said for choice in asked.choices)
-    assert "“skip” by itself in 50 s" in said
+    assert "“skip” automatically in 50 s" in said
 
 
 @pytest.mark.parametrize("measured", ["All winches stand still, held.", "Winch 2 still moves: cut its power by hand."])

@@ -73,7 +73,7 @@ def test_another_rig_is_only_offered_until_a_person_says_yes(laboratory, tmp_pat
                 await until(lambda: "RIG  the large rig" in bars.text and "● live" in bars.text, "its rig")
             await until(lambda: "SERVICE LOST" in bars.text, "the loss")
             async with laboratory.service("b", "the small rig", tmp_path / "b") as other:
-                await until(lambda: "ANOTHER RIG IS THERE" in bars.text, "the offer")
+                await until(lambda: "ANOTHER RIG HAS A SERVICE" in bars.text, "the offer")
                 assert "RIG  the large rig" in bars.text
                 assert "“the small rig”" in bars.text
                 await pilot.press("g", "n", "p", "n", "f12")
@@ -138,7 +138,7 @@ def test_a_service_that_greets_nobody_is_told(laboratory, tmp_path, monkeypatch)
         server = await asyncio.start_unix_server(lambda _, writer: came.append(writer), path=place.socket)
         with held(place, tmp_path):
             async with _screen(Finder()) as (app, pilot, until):
-                await until(lambda: "has not greeted" in app.stage.boards[0].text, "that it is silent")
+                await until(lambda: "did not answer this screen" in app.stage.boards[0].text, "that it is silent")
                 await pilot.press("f12")
                 await until(lambda: "PRESS THE HARDWARE STOP" in app.stage.state.text, "that nobody answers")
         for writer in came:

@@ -131,7 +131,7 @@ def test_reset_needs_two_steps_and_no_leaves_it_latched(opened, fake):
         assert fake.state.latched
         await screen.press("r")
         await screen.until(lambda: "Reset the emergency stop?" in screen.over, "the question")
-        assert "Has the cause gone?" in screen.over
+        assert "Has its cause been removed?" in screen.over
         await screen.press("y")
         await screen.until(lambda: "Is nobody near the platform and cables?" in screen.over, "the second question")
         assert fake.state.latched
@@ -173,7 +173,7 @@ def test_a_lost_service_is_said_and_no_value_is_shown_as_fresh_then_it_attaches_
 def test_a_service_that_goes_silent_is_not_called_live(opened, fake):
     async def see(screen):
         fake.silent = True
-        await screen.until(lambda: "SERVICE IS SILENT" in screen.bars, "the silence")
+        await screen.until(lambda: "SERVICE DOES NOT ANSWER" in screen.bars, "the silence")
         assert "✗ OLD" in screen.bars
 
     _run(see, opened)
@@ -181,11 +181,11 @@ def test_a_service_that_goes_silent_is_not_called_live(opened, fake):
 
 def test_a_service_that_says_goodbye_has_ended_and_is_not_lost(opened, fake):
     async def see(screen):
-        fake.say(Bye(says="run pass: all windows have their verdict.", exit_code=0))
+        fake.say(Bye(says="run pass: all windows are judged.", exit_code=0))
         await screen.pilot.pause(0.1)
         screen.kill_service()
         await screen.until(lambda: "THE SERVICE HAS ENDED" in screen.bars, "the end")
-        assert "all windows have their verdict" in screen.bars
+        assert "all windows are judged" in screen.bars
         assert "LOST" not in screen.bars
 
     _run(see, opened)

@@ -289,12 +289,12 @@ def failing(monkeypatch):
 def test_a_screen_that_fails_begins_anew_and_says_why(failing):
     failing.faults = [KeyError("ours"), None]
     run_ui(Finder(), None)
-    assert [one.says for one in failing.made] == ["", "✗ The screen has failed and begun anew (KeyError: 'ours')."]
+    assert [one.says for one in failing.made] == ["", "✗ The screen has failed and was restarted (KeyError: 'ours')."]
 
 
 def test_a_screen_that_fails_again_and_again_sends_to_another_stop(failing):
     failing.faults = [KeyError("ours")] * 9
-    with pytest.raises(OurBugError, match="fidim stop does"):
+    with pytest.raises(OurBugError, match="Use fidim stop"):
         run_ui(Finder(), None)
     assert len(failing.made) == 3
 

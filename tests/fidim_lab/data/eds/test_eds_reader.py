@@ -54,24 +54,24 @@ REPAIRED = {
     "no vendor type": ("[2000]\nParameterName=x\n", "DataType is missing: taken as bytes, which are not used"),
     "no access": ("[6064]\nParameterName=x\nDataType=4\n", "[6064], line 1: AccessType is missing: taken as ro"),
     "wrong sign": (variable("6064"), "[6064], line 4: DataType 0x07 has the wrong sign: 0x04 is meant"),
-    "too large": (variable("2000", DefaultValue="0x1FFFFFFFF"), "'0x1FFFFFFFF' is no value of its type: passed over"),
+    "too large": (variable("2000", DefaultValue="0x1FFFFFFFF"), "'0x1FFFFFFFF' is not a value of its type: ignored"),
     "limits": (variable("2000", LowLimit="9", HighLimit="3"), "[2000], line 7: limits 9 to 3 leave no value"),
     "bracket": ("[2000 ; mine\nDataType=7\n", "[2000], line 1: the bracket is not closed"),
-    "no pair": (f"{PLAIN}some words\n", "[1000], line 8: 'some words' is no KEY=VALUE: passed over"),
-    "before it": (f"EDS of us\n{PLAIN}", "line 1: 'EDS of us' stands before the first section: passed over"),
-    "NUL": (f"{PLAIN}\0", "line 8: bytes of 0: passed over"),
+    "no pair": (f"{PLAIN}some words\n", "[1000], line 8: 'some words' is not KEY=VALUE: ignored"),
+    "before it": (f"EDS of us\n{PLAIN}", "line 1: 'EDS of us' stands before the first section: ignored"),
+    "NUL": (f"{PLAIN}\0", "line 8: bytes of 0: ignored"),
     "too many": (variable("2000", ObjectType="8", CompactSubObj="300"), "CompactSubObj=300: at most 254 are read"),
     "name of a type": (
         variable("2000", DataType="Unsigned 16"),
         "[2000], line 4: DataType 'Unsigned 16' is a name: 0x06",
     ),
-    "quotes": (variable("2000", DataType='"7"'), "[2000], line 4: the quotes around the value are passed over"),
+    "quotes": (variable("2000", DataType='"7"'), "[2000], line 4: the quotes around the value are ignored"),
     "words behind": (variable("2000", DataType="0x7 (UDINT)"), "[2000], line 4: '0x7 (UDINT)' is read as 7"),
     "comment at once": (variable("2000", PDOMapping="1;yes"), "[2000], line 6: '1;yes' is read as 1"),
     "bare hexadecimal": (variable("2000", DefaultValue="00FF"), "[2000], line 7: '00FF' is read as 255"),
     "only listed": (
         PLAIN + "[OptionalObjects]\nSupportedObjects=1\n1=0x6040\n",
-        "[OptionalObjects], line 10: 6040 is listed, and no section [6040] describes it: passed over",
+        "[OptionalObjects], line 10: 6040 is listed, and no section [6040] describes it: ignored",
     ),
     "variable with subs": (variable("2000") + variable("2000sub1"), "ObjectType says variable, but it has sub-indices"),
 }
@@ -188,7 +188,7 @@ def test_a_signed_value_as_hexadecimal(tmp_path_factory, value):
 def test_what_is_no_sum_is_passed_over(read, sum_):
     found = read(variable("2000", DefaultValue=sum_))
     assert found.dictionary[0x2000].default is None
-    assert "is no value of its type: passed over" in str(found.repairs[0])
+    assert "is not a value of its type: ignored" in str(found.repairs[0])
 
 
 def test_pdos_described_once_are_there(read):

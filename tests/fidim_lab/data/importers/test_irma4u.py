@@ -116,7 +116,7 @@ def test_what_is_missing_or_foreign_is_named(tmp_path: Path, log_file: Path):
         ({"epsilon": np.zeros((3, 7))}, "st_out.epsilon: has shape 3 × 7"),
         ({"cable_length": np.full((4, SAMPLES), np.nan)}, "st_out.cable_length: holds values that are not finite"),
         ({"t": np.arange(9.0)}, "st_out.t: 9 samples"),
-        ({"t": np.r_[np.arange(1199.0), 3.0]}, "st_out.t: time does not go on at sample 1200 (3 s)"),
+        ({"t": np.r_[np.arange(1199.0), 3.0]}, "st_out.t: time does not increase at sample 1200 (3 s)"),
         ({"t": "now"}, "st_out.t: is text"),
     ],
 )

@@ -184,7 +184,7 @@ def test_qtm_6d_turns_column_by_column(tmp_path: Path):
     assert body.positions[1] == pytest.approx([1.0, 2.0, 0.001])
     assert np.isnan(body.positions[2]).all()
     spoilt = "\r\n".join(head + [row.replace("-1", "0.5") for row in rows])
-    with pytest.raises(FileError, match="no rotation"):
+    with pytest.raises(FileError, match="not a rotation"):
         MARKER_READERS["qtm-tsv"](written(tmp_path, spoilt))
 
 

@@ -59,7 +59,7 @@ def test_a_friction_whose_direction_is_unknown_is_in_the_scatter():
 
 def test_tensions_that_are_all_alike_tell_no_gain():
     (found,) = calibrate(made(8, np.random.default_rng(2), span=(30.0, 31.0)))
-    assert "30 to 31 N tell too little" in found.problem or "does not rise" in found.problem
+    assert "30 to 31 N differ too little" in found.problem or "does not rise" in found.problem
 
 
 def test_a_current_that_falls_with_tension_is_said():

@@ -270,7 +270,7 @@ def test_a_rate_is_read_from_all_stamps_where_their_last_digit_hides_it_in_one_s
     errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
     assert max(errors) < 3.5
     assert "The time stamps say 100.35 Hz" in found.warnings[0]
-    assert "better with 100 Hz" in found.warnings[0] or "is widened" in found.warnings[0]
+    assert "better with 100 Hz" in found.warnings[0] or "each ± includes" in found.warnings[0]
 
 
 def test_markers_get_the_names_of_the_robot_file(recorded: Make):

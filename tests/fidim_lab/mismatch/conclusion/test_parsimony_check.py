@@ -49,7 +49,7 @@ def test_what_a_simple_wrench_says_better_is_not_named(
     said: list[str] = []
     claim, found = judged(start, searched, *named)
     after = unless_outdone(claim, found, start.campaign, said.append)
-    assert said == [f"modelling what {claim.named.model.label} may stand for, without a name"]
+    assert said == [f"modelling one unknown force in place of {claim.named.model.label}"]
     if wrench is None:
         assert after is claim
     else:

@@ -53,8 +53,8 @@ def test_what_is_held_at_a_bound_is_no_possible_cause(dragged: Baseline, found: 
     held = replace(friction, at_bound=(True,) * len(friction.at_bound))
     told = ranking(replace(found, passing=(held,)), found.best, dragged.context)
     one = next(one for one in told if one.effects == ("swivel-friction",) and "first 3 s" in one.why)
-    assert one.why.endswith("A parameter is held at the bound of what is possible.")
-    assert one.lost == "It fits best at the bound of what is possible, or beyond it."
+    assert one.why.endswith("A parameter is at the limit of its possible range.")
+    assert one.lost == "Its best fit is at the limit of what is possible, or beyond it."
     assert not one.plausible
 
 
@@ -86,7 +86,7 @@ def test_every_rival_of_a_real_search_is_told_why_it_lost(dragged: Baseline, fou
     assert not named.lost
     told = {one.name: one.lost for one in rivals}
     assert all(told.values())
-    assert told["nothing left out"].startswith("It leaves motion unexplained, air-drag-linear leaves only noise")
+    assert told["nothing left out"].startswith("It leaves motion unexplained; air-drag-linear leaves only noise")
     assert "Alone it explains" in told["swivel-friction"]
-    assert "of what air-drag-linear does (odds of over 1000 to 1)" in told["swivel-friction"]
-    assert told["swivel-friction"].endswith("beside that it adds nothing.")
+    assert "of what air-drag-linear explains (odds over 1000 to 1 against it)" in told["swivel-friction"]
+    assert told["swivel-friction"].endswith("in addition to that it explains nothing more.")

@@ -71,7 +71,7 @@ def test_a_rate_is_no_offset(irma4: Robot) -> None:
     assert abs(found.rate - 2e-3) < 4 * found.rate_sd
     assert not found.is_off
     assert [cause.id for cause in with_timing(told(), drifting).effects] == [RATE]
-    assert "put right" in with_timing(told(), drifting, put_right=True).message
+    assert "corrected time stamps" in with_timing(told(), drifting, put_right=True).message
     windows = tuple(recording.window for recording in drifting.fit.likelihood.recordings)
     right = retimed(Campaign("c", irma4, 100.0, windows), drifting)
     assert right is not None
@@ -93,4 +93,4 @@ def test_without_currents_it_is_said_that_it_was_not_tested(irma4: Robot) -> Non
     answer = with_timing(told(), blind)
     assert answer.verdict is Verdict.NOTHING_MISSING
     assert answer.untested == (OFFSET,)
-    assert "no motor currents" in answer.message
+    assert "no suitable motor currents" in answer.message

@@ -74,7 +74,7 @@ def test_what_its_own_errors_excuse_is_not_explained(
         (0.05, 1.5, 18_000, Verdict.UNKNOWN_PHYSICS),  # as a sibling would leave
         (0.005, 1.5, 18_000, Verdict.PARTLY_EXPLAINED),  # a tenth of the millimetres: no sibling does that
         (0.2, 1.05, 18_000, Verdict.UNKNOWN_PHYSICS),
-        (0.05, 1.5, 0, Verdict.UNKNOWN_PHYSICS),  # nothing held out: the fitted windows say it
+        (0.05, 1.5, 0, Verdict.UNKNOWN_PHYSICS),  # no window held out: the fitted windows say it
     ],
 )
 def test_a_stand_in_is_no_part_of_the_truth(

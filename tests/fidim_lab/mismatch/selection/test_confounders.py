@@ -1,4 +1,4 @@
-"""What could stand in the place of a term that a search has taken, on a campaign of another simulator."""
+"""What could stand instead of a term that a search has taken, on a campaign of another simulator."""
 
 import pytest
 
@@ -61,7 +61,7 @@ def test_the_imitator_takes_the_place_with_less_freedom(start: Baseline, forced:
     said: list[str] = []
     (found,) = in_their_place(forced, start.whole_ground, said.append)
     assert [h.effect.id for h in found.tried] == ["clock-rate", "air-drag-linear"]
-    assert "clock-rate in the place of constant-force" in said[0]
+    assert "clock-rate instead of constant-force" in said[0]
     assert evidence(found, forced.model, common_scale([found, forced.model])) > 5.0
     assert found.thetas[0][0] == pytest.approx(RATE, rel=0.1)
 

@@ -53,4 +53,4 @@ def test_of_the_recording_of_irma4u_dissipation_is_named_as_a_class(shared: Path
     assert told.rms_mm.after < 2.2
     s_z = told.parameters["s_z"]
     assert s_z.value == pytest.approx(0.173, rel=0.05)
-    assert "anchors are off" not in told.message
+    assert "anchors in the robot file are wrong" not in told.message

@@ -113,4 +113,4 @@ def test_a_survey_that_the_file_states_is_counted_and_no_cause(irma4: Robot):
     told = with_whole_motion(open_still, campaign, common, lambda _: None, others)
     assert [cause.id for cause in told.effects] == ["attachment-friction"]
     assert told.geometry is not None
-    assert "The robot file's survey is counted" in told.message
+    assert "The survey in the robot file was used" in told.message
