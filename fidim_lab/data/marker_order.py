@@ -37,7 +37,7 @@ def order_of(markers: np.ndarray, body: np.ndarray) -> tuple[tuple[int, ...], fl
     pairs, misfits = np.array([_misfit(between[np.ix_(order, order)] - wanted) for order in orders]).T
     most = pairs.max()
     if 2 * most < comb(len(body), 2):
-        raise RefusedError(f"{count} markers, most of which were never seen together: are they pieces of trajectories?")
+        raise RefusedError(f"{count} markers, and most were never seen together: are they pieces of trajectories?")
     misfits[pairs < most] = np.inf  # of pieces, those never seen together would contradict nothing
     best = int(np.argmin(misfits))
     rest = np.delete(misfits, best)

@@ -64,7 +64,7 @@ def _range(told: Told, config: WinchConfig) -> list[SettingCheck]:
     if low >= high:  # zeros: no range
         return []
     first, last = sorted(config.scale.count(length) for length in config.length_limits)
-    meaning = "range of positions, beyond which it begins anew"
+    meaning = "range of positions, beyond which it begins again"
     return [
         SettingCheck("607B:1", meaning, f"{first} to {last} in it", f"{low} to {high}", ok=low <= first <= last <= high)
     ]

@@ -193,7 +193,7 @@ def _why_not(registers: Registers, entry: Entry) -> str:
     if not register.mappable:
         return "PDOMapping is 0, or its family says so"
     if not register.code:
-        return "its DataType is no whole number of at most 32 bits"
+        return "its DataType is not a whole number of at most 32 bits"
     if entry.name in _SIZED and code and register.code != code:
         return f"its DataType has not the {8 * struct.calcsize(code)} bits that CiA 402 gives it"
     return ""

@@ -186,7 +186,7 @@ def _check_cables(cables: Sequence[int], n: int, logs: Sequence[str]) -> None:
     if cables and not logs:
         raise SetupError("--cables is about the cables of a robot log.", hint="--log names the log.")
     if cables and sorted(cables) != list(range(1, n + 1)):
-        what = f"--cables {','.join(map(str, cables))[:60]} is no order of the numbers 1 to {n}."
+        what = f"--cables {','.join(map(str, cables))[:60]} is not an order of the numbers 1 to {n}."
         raise SetupError(what, hint="It names the log's cables in the robot file's order, each once.")
 
 
@@ -196,7 +196,7 @@ def _reordered(log: EncoderLog, cables: Sequence[int]) -> EncoderLog:
         return log
     at = [k - 1 for k in cables]
     swivels, currents = (None if columns is None else columns[:, at] for columns in (log.swivels, log.currents))
-    words = f"the robot file's cables 1 to {len(at)} are the log's {', '.join(map(str, cables))}, as asked for"
+    words = f"the robot file's cables 1 to {len(at)} are the log's {', '.join(map(str, cables))}, as requested"
     return replace(log, lengths=log.lengths[:, at], swivels=swivels, currents=currents, decided=(*log.decided, words))
 
 
