@@ -116,7 +116,7 @@ def test_the_right_order_is_not_doubted(simulated: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     ("options", "cause"),
     [
-        (["--log", "*.csv", "--cables", "2,1,3"], "no order of the numbers 1 to 4"),
+        (["--log", "*.csv", "--cables", "2,1,3"], "not an order of the numbers 1 to 4"),
         (["--log", "*.csv", "--cables", "a"], "is not numbers"),
         (["--cables", "2,1,3,4"], "--log names the log"),
     ],
