@@ -182,11 +182,11 @@ CASES = {
         "winch 2 did not obey",
         way=0.01,
     ),
-    "frozen samples of a drive that refuses to tell its encoder, while the drum turns": Case(
+    "frozen samples of a drive that refuses to give its encoder, while the drum turns": Case(
         "Ask",
         0.5,
         lambda s: (frozen(s, 0x182, 0x282), aborts(s, 2), s.spin(2, 0.05, unseen=True)),
-        "it refuses to tell its encoder by SDO (not in this state of the drive",
+        "it refuses to give its encoder by SDO (not in this state of the drive",
         "winch 2 did not obey",
     ),
     "an encoder of the drum that stands while the motor creeps": Case(

@@ -27,7 +27,7 @@ COMPARED_EVERY = 0.1
 """s between two comparisons of encoder and samples: with old samples an uncommanded 0.05 m/s runs `OLD`, then at most
 this time and `BETWEEN`, 7.5 mm together. Ten questions a second and drive are 2 % of the frames of a 100 Hz cycle"""
 DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
-REFUSES_SAYS = "it refuses to tell its encoder by SDO ({}): its samples (TPDO) may be old"
+REFUSES_SAYS = "it refuses to give its encoder by SDO ({}): its samples (TPDO) may be old"
 OLD_SAYS = "its samples (TPDO) stay where they are, its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
 OLD = 1e-3
 """m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
