@@ -20,7 +20,7 @@ def without_filled(positions: np.ndarray, scale: float) -> tuple[np.ndarray, tup
     marks = {
         "at exactly 0, 0, 0": np.asarray(positions == 0.0).all(axis=2),
         "with a value that stands for not seen": _all_sentinels(positions / scale),
-        "with a value that is no place": np.asarray(np.abs(positions / scale) > NOWHERE).any(axis=2),
+        "with a value that is not a position": np.asarray(np.abs(positions / scale) > NOWHERE).any(axis=2),
         f"that did not change for {FEWEST_HELD} samples or more": _held(positions),
     }
     said = tuple(f"{int(mark.sum())} samples {words} count as not seen" for words, mark in marks.items() if mark.any())
