@@ -213,7 +213,7 @@ class Explanation:
     unknown: UnknownForce | None = None
     """the generic model of what has no name, where one helps"""
     law: tuple[LawTerm, ...] = ()
-    """where a law without a name predicts best, its terms: figures and parameters are theirs"""
+    """where a law without a name predicts as well as any wrench, its terms: figures and parameters are theirs"""
     geometry: Geometry | None = None
     """what was left open of the robot file's, and where the recordings have it; None where it counts as exact"""
     answer: ShortAnswer | None = None

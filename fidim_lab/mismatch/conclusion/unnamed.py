@@ -21,28 +21,28 @@ def with_unknown(
 ) -> tuple[Explanation, Completed]:
     """The explanation with what is left modelled generically, where its verdict says that something is left.
 
-    Figures and parameters "after" are those of the generic model where it helps on held-out windows, or of a law of
-    force that leaves less than half as much there; the explanation is as it was where neither helps. Also returns the
-    model whose figures are told.
+    Figures and parameters "after" are those of a law of force that predicts held-out windows as well as the generic
+    model, having fewer parameters; else of that model where it helps there; the explanation is as it was where neither
+    does. Also returns the model whose figures are told.
     """
     named, law = judged.named, judged.law
     if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return explanation, named.model
     wrench = _with_wrench(explanation, named, campaign, say, judged.outdone_by)
-    if law is not None and _leaves_less(law, wrench, named):
-        return _by_law(explanation, law, campaign), law.model
+    if law is not None and _predicts_as_well(law, wrench, named):
+        much = (wrench.chi2_per_dof.after or 0.0) > SHARED.little * law.held_out.chi2_per_dof
+        return _by_law(explanation if much else wrench, law, campaign), law.model
     model = named.model if wrench.unknown is None else Completed((), wrench.unknown.fit, whole=True)
     return wrench, model
 
 
-def _leaves_less(law: Candidate, wrench: Explanation, named: Candidate) -> bool:
-    """Whether the generic model leaves much of held-out windows, and the law less than half of it, losing no window."""
+def _predicts_as_well(law: Candidate, wrench: Explanation, named: Candidate) -> bool:
+    """Whether held-out windows are predicted by the law, none of them lost, about as well as by the generic model."""
     left = wrench.chi2_per_dof.after
     if not (law.model.whole and law.held_out.dof) or left is None:
         return False
     lost = law.held_out.refused.keys() - named.held_out.refused.keys()
-    much = left > SHARED.little
-    return much and not lost and law.held_out.chi2_per_dof - 1.0 < SHARED.half * (left - 1.0)
+    return not lost and law.held_out.chi2_per_dof <= SHARED.little * left
 
 
 def _by_law(explanation: Explanation, law: Candidate, campaign: Campaign) -> Explanation:
@@ -52,7 +52,7 @@ def _by_law(explanation: Explanation, law: Candidate, campaign: Campaign) -> Exp
         chi2_per_dof=Before(explanation.chi2_per_dof.before, law.held_out.chi2_per_dof),
         rms_mm=Before(explanation.rms_mm.before, millimetres(law.held_out.rms)),
         parameters=body_parameters(law.model.fit, campaign),
-        message=f"{explanation.message} The figures and the body are those of this law.",
+        message=f"{explanation.message} The figures and the body are those of the law.",
         next_experiment=f"Look on the robot for what acts like {terms[0].like}.",
         law=terms,
     )
