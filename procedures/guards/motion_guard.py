@@ -58,7 +58,7 @@ class Follower:
     def look(self, sample: WinchSample | None, commanded: Trajectory | None) -> str:
         """The violation in words; empty where there is none, or nothing was commanded."""
         if sample is None or commanded is None:
-            self._too_fast_since = None
+            self._too_fast_since, self._last = None, None
             return ""
         if not self._follows(sample, commanded):
             return ""

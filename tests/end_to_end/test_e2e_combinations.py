@@ -327,7 +327,7 @@ def test_power_that_somebody_else_gives_while_nobody_may_have_it_is_stopped(rehe
     ended = rehearsal.run(home)
     assert ended.trip is not None
     assert ended.trip.guard == "power"
-    assert "winch 2 has power: another program" in ended.report.reason
+    assert "winch 2 has power; another program" in ended.report.reason
     assert ended.report.held_says == "All winches stand still, without motor power: winch 1, winch 3, winch 4."
     assert np.abs(truth.moved).max() <= 1e-4
     assert [drive.state for drive in ended.drives].count(State.QUICK_STOP_ACTIVE) == 1

@@ -81,6 +81,6 @@ def test_a_robot_that_stands_where_no_safe_way_begins_is_not_moved(scene, rehear
     ended = rehearsal.run(experiment)
     report = ended.check()
     assert report.reason.startswith("Window i01, move to lengths 1.303 1.391 1.528 1.412 m")
-    assert "on the way there: at lengths 1.343 1.431 1.568 1.452 m cable" in report.reason
+    assert "on the way to it: at lengths 1.343 1.431 1.568 1.452 m cable" in report.reason
     assert report.exit_code == 1
     assert ended.rest == pytest.approx([0.0] * 4, abs=1.0)

@@ -103,7 +103,7 @@ def test_a_marker_that_never_comes_back_is_what_the_operator_is_told(scene, rehe
     rehearsal.settings = scene.short(repeats=1)
     rehearsal.at("AwaitHandsOff", lambda stage: stage.mocap.add("occlusions", 1e9))
     report = rehearsal.run().check()
-    assert "not moving freely after 2 s: hardly a new position of the main marker came" in report.reason
+    assert "not moving freely after 2 s: almost no new position of the main marker arrived" in report.reason
     assert report.exit_code == 1
 
 

@@ -255,7 +255,7 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
         ok = await link.sdo.read(0x6060) == wanted
         name += " until it is enabled"
     elif found == Mode.NONE:
-        name += "; its family file does not say that it shows the mode only when enabled (mode_shown)"
+        name += " until it is enabled, which its family file does not allow (mode_shown)"
     return SettingCheck("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
 
 

@@ -115,7 +115,7 @@ def test_a_mapping_that_is_refused(on_bench: OnBench) -> None:
 def test_a_mode_that_is_not_taken_is_refused(on_bench: OnBench) -> None:
     async def script(bench: Any) -> None:
         bench.drive.stubborn_mode = True
-        with pytest.raises(DeviceError, match=r"6061:0 mode of operation: none \(0\), .*mode_shown\) found, prof"):
+        with pytest.raises(DeviceError, match=r"6061:0 mode of operation: none \(0\) until .*mode_shown\) found, prof"):
             await bench.winch.configure()
 
     on_bench(script)

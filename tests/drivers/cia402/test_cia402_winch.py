@@ -142,7 +142,7 @@ def test_a_stop_overtakes_enabling(on_bench: OnBench) -> None:
         enabling = asyncio.create_task(bench.winch.enable())
         await bench.cycles(10)
         bench.winch.power_off()
-        with pytest.raises(DeviceError, match="overtaken"):
+        with pytest.raises(DeviceError, match="replaced by a later one"):
             await enabling
         await bench.cycles(10)
         assert bench.drive.state == "disabled"

@@ -117,3 +117,13 @@ def test_what_a_move_has_told_is_no_motion_at_rest():
     rest = Trajectory.standing(2.0, MOVE.at(2.0)[0])
     for k in range(200, 400):
         assert not follower.look(sample(0.01 * k, rest.at(2.0)[0]), rest)
+
+
+def test_what_moves_while_nothing_is_commanded_is_no_motion_of_the_rest_after_it():
+    """As where slack is wound up by torque: the drum turns between two places that are held."""
+    follower = Follower(TOLERANCE)
+    assert not follower.look(sample(0.0, 1.4), HELD)
+    for k in range(1, 100):
+        assert not follower.look(sample(0.01 * k, 1.4 - 0.0005 * k, -0.05), None)
+    assert not follower.look(sample(1.0, 1.35), Trajectory.standing(1.0, 1.35))
+    assert not follower.look(sample(1.01, 1.35), Trajectory.standing(1.0, 1.35))

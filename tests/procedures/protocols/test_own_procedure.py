@@ -52,7 +52,7 @@ def comfortable(lengths):
             r"line 13: .* That is an attribute of its result: write `yield` before Hold\(…\)",
         ),
         ("helper(window)", r"line 12: helper\(…\) is not used, so it does nothing; write `yield from`"),
-        ("yield helper(window)", "line 12: .*which is no step: write `yield from`"),
+        ("yield helper(window)", "line 12: .*which is not a step: write `yield from`"),
         (SETTLE.format("'2 mm'"), "tolerance is '2 mm'; a finite number"),
         (SETTLE.format("float('nan')"), "tolerance is nan; a finite"),
         (READ.format("goal", -1.0), "it would take -1 s"),
@@ -65,7 +65,7 @@ def comfortable(lengths):
         (MOVE.format(-0.1), r"step \d, MoveTo: speed is -0.1; more than 0 is needed"),
         (MOVE.format(0), "speed is 0; more than 0 is needed"),
         ("yield Record(window=window.id, seconds=5.0)", "line 12: .*'seconds'. Record takes window, attempt, duration"),
-        ("yield", "line 12: yields None, which is no step"),
+        ("yield", "line 12: yields None, which is not a step"),
         ("while True:\n            yield Hold(window=window.id)", "line 13: more than 200000 steps without an end"),
         (ACCEPT.format("Role.IDENTIFY"), r"line 12: step \d, Accept: nothing of window i01 was recorded; yield Record"),
         (

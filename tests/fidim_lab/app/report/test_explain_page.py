@@ -146,7 +146,7 @@ def test_the_page_says_what_was_found_and_why(dragged, explanation, write_folder
     page = path.read_text(encoding="utf-8")
     words = words_of(page)
     for said in (
-        "✓ explained", "air-drag-linear: F = −c v; these data cannot tell it from rotational-drag", "0.01 N s/m",
+        "✓ explained", "air-drag-linear: F = −c v; these data cannot separate it from rotational-drag", "0.01 N s/m",
         "Window i01 is off in x &lt;most&gt;.", "χ²/dof 41 1.02", "Repeat it by night.",
         "✗ impossible a pulley of 3 m", "0 of 10000 draws", "loose-mass this version cannot test it", "SHA-256",
     ):  # fmt: skip
@@ -195,7 +195,7 @@ def test_a_large_class_is_told_whole_and_the_file_keeps_to_its_format(explanatio
     read = as_file(large)
     assert read.effects[0].alike == alike
     assert claims_of(read)[0].rivals == alike
-    assert "these data cannot tell it from rotational-drag, swivel-damping, umbilical, pulley-friction" in str(
+    assert "these data cannot separate it from rotational-drag, swivel-damping, umbilical, pulley-friction" in str(
         effect_table(read.effects[0])
     )
 

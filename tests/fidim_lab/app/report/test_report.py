@@ -78,7 +78,7 @@ def test_the_summary_says_what_was_recorded_found_and_known(full):
     assert "193.20 ± 0.30) mm (CAD: 0, 0, 190)" in text
     assert "The windows agree within what noise explains" in text
     assert "9 of 9 parameters lie within twice the stated uncertainty" in text
-    assert "1 recording besides was not taken" in text
+    assert "1 further recording was rejected" in text
 
 
 def test_the_run_is_told(full):
@@ -251,7 +251,7 @@ def test_a_run_without_a_window_is_told_too(campaign, write_folder, journal_at):
     text = " ".join(Reader(page_of(folder, None)).words)
     assert "No window was recorded" in text
     assert "The run ended before the first window was accepted." in text
-    assert "the run broke off" in text
+    assert "the run was interrupted" in text
     assert "the run ended before these were accepted: i01" in text
 
 

@@ -15,7 +15,7 @@ def test_cells_and_the_strongest_pair_in_words(campaign, result_of):
     rho[0, 7] = rho[7, 0] = 0.5
     drawing = correlations(replace(result_of(campaign), covariance=rho * np.outer(sd, sd)))
     assert drawing is not None
-    assert drawing.caption.endswith("hardly told apart: s_z with I_xx (-97 %).")
+    assert drawing.caption.endswith("hardly separable: s_z with I_xx (-97 %).")
     numbers = [int(text) for text in re.findall(r">\s*(-?\d+)\s*</text>", drawing.svg)]
     assert sorted(numbers) == sorted([100] * 9 + [-97] * 2 + [50] * 2 + [0] * 68)
     assert "<image" not in drawing.svg

@@ -75,7 +75,7 @@ def test_a_marker_that_is_elsewhere_is_found_and_the_cables_stay_exact(campaign:
     np.testing.assert_allclose(marker.by, by, atol=4 * max(marker.sd))
     assert np.abs(errors(found, true_body)).max() < 4
     assert found.outcome.answers
-    assert any("Clearly off: marker by" in warning for warning in found.warnings)
+    assert any("Clearly wrong: marker by" in warning for warning in found.warnings)
 
 
 def test_a_result_brings_each_of_several_markers_to_its_place(irma4: Robot) -> None:
@@ -160,7 +160,7 @@ def test_a_body_that_exists_is_found_from_any_estimate_and_no_farther_than_the_t
 def test_a_piece_is_not_called_off_where_the_fit_leaves_more_than_noise() -> None:
     """What is missing moves whatever is left open: its standard deviations know nothing of that."""
     told = Geometry(9.0, (Moved("anchor", 2, (4e-3, 1e-3, -2e-3), (1e-4, 1e-4, 1e-4)),))
-    assert furthest(told, explained=True) == "Clearly off: anchor of cable 2 by (+4, +1, -2) mm."
+    assert furthest(told, explained=True) == "Clearly wrong: anchor of cable 2 by (+4, +1, -2) mm."
     said = furthest(told, explained=False)
     assert "Clearly wrong" not in said
     assert "anchor of cable 2" in said

@@ -148,7 +148,7 @@ def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones(claim: Call
         "χ²/dof of the fitted windows 19.8 → 1, without held-out windows to confirm it"
     )
     assert figures_of(before, before).startswith("χ²/dof of the fitted windows 19.8, without held-out")
-    assert before.held_out.says == "no window held out to judge it by"
+    assert before.held_out.says == "no window held out to judge it"
     held = one(19.8, 100), one(1.0, 100)
     assert figures_of(*held) == "held-out χ²/dof 19.8 → 1, rms 1 → 1 mm"
     assert figures_of(held[1], held[1]) == "held-out χ²/dof 1, rms 1 mm"

@@ -13,7 +13,7 @@ from fidim_lab.mismatch.selection.candidates import Candidate, candidate
 from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.single_force import LoneWrench, nats_beyond
 
-BASE = "modelling what {} may stand for, without a name"
+BASE = "modelling one unknown force in place of {}"
 
 
 def of_first_seconds(start: Baseline, *ids: str) -> Completed:
