@@ -212,7 +212,7 @@ def test_a_hidden_cause_that_two_windows_leave_open_gets_clear(irma4, tmp_path):
     plan, explained = random_plan(irma4, "c", 2, 3, 5), []
     report = recorded(world, plan, irma4, tmp_path / "run", 5, explained)
     assert report.outcome.usable, report.reason
-    assert any("cannot tell cable-length-bias from anchor-offset" in found.says for found in explained[:-1])
+    assert any("cannot separate cable-length-bias from anchor-offset" in found.says for found in explained[:-1])
     assert [found.clarity for found in explained[:-1]] == [Clarity.UNCLEAR] * (len(explained) - 1)
     assert explained[-1].clarity is Clarity.CLEAR
     assert len(explained) > 1
