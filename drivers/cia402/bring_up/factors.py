@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.family import speed_unit
 from drivers.cia402.dictionary.settings import SettingCheck
+from drivers.cia402.profile.scale import wrap32
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 
 POLARITY, ENCODER, GEAR, FEED, POSITION_FACTOR, UNIT = 0x607E, 0x608F, 0x6091, 0x6092, 0x6093, 0x60A8
@@ -60,7 +61,7 @@ def _speed_unit(told: Told, config: WinchConfig) -> list[SettingCheck]:
 
 def _range(told: Told, config: WinchConfig) -> list[SettingCheck]:
     """607B: beyond such a range the position begins anew, and the drive takes no target there."""
-    low, high = ((told.get((RANGE, sub), 0) + (1 << 31)) % (1 << 32) - (1 << 31) for sub in (1, 2))
+    low, high = (wrap32(told.get((RANGE, sub), 0)) for sub in (1, 2))
     if low >= high:  # zeros: no range
         return []
     first, last = sorted(config.scale.count(length) for length in config.length_limits)
@@ -72,7 +73,7 @@ def _range(told: Told, config: WinchConfig) -> list[SettingCheck]:
 
 async def check_factors(sdo: SdoChannel, config: WinchConfig) -> list[SettingCheck]:
     """Read what this drive has of them, and compare. Raises DeviceError where it does not answer."""
-    wanted = [*((index, 0) for index in (POLARITY, UNIT, SPEED_UNIT))]
+    wanted = [(index, 0) for index in (POLARITY, UNIT, SPEED_UNIT)]
     wanted += [(index, sub) for index in (*RATIOS, RANGE) for sub in (1, 2)]
     told: dict[tuple[int, int], int] = {}
     for index, sub in wanted:

@@ -197,18 +197,17 @@ class WinchConfig:
 
     def drive_acceleration(self, metres: float) -> int:
         """An acceleration (m/s²) without direction as the drive is told it (6083 to 6085), at least 1."""
-        unit = self.family.acceleration or self.family.speed
         if (speed := self.ramp_speed) is not None:
             return max(1, round(1e3 * speed / (abs(metres) * self.scale.counts_per_metre)))
-        return max(1, round(self._digits(metres, unit)))
+        return max(1, round(self._digits(metres, self.family.acceleration or self.family.speed)))
 
     def drive_velocity(self, metres: float) -> float:
         """A speed (m/s) without direction as the drive tells it (606C), and is told it in velocity mode (60FF)."""
-        return self._digits(metres, self.family.velocity or self.family.speed)
+        return self._digits(metres, self.family.velocity_unit)
 
     def cable_speed(self, digits: float) -> float:
         """m/s of cable, positive pays out, of a velocity as the drive tells it (606C)."""
-        return self.scale.velocity(digits * self.counts_per_digit(self.family.velocity or self.family.speed))
+        return self.scale.velocity(digits * self.counts_per_digit(self.family.velocity_unit))
 
     def counts_per_digit(self, unit: str) -> float:
         """counts/s (counts/s²) for one digit of a quantity in a unit of the drive family."""

@@ -110,6 +110,11 @@ class DriveFamily:
     """"always", or "enabled": 6061 is 0 until the drive is enabled"""
 
     @property
+    def velocity_unit(self) -> str:
+        """Of 606C and 60FF."""
+        return self.velocity or self.speed
+
+    @property
     def speeds(self) -> tuple[str, ...]:
         """Units of speeds that it has."""
         return (self.speed, self.velocity) if self.velocity else (self.speed,)

@@ -125,7 +125,7 @@ def lay_out(registers: Registers, config: WinchConfig) -> PdoLayout:
     rpdos = [_received(registers, free, useless, pdo, problems) for pdo in wanted if not pdo.transmit]
     if problems.found:
         return PdoLayout(TPDOS, RPDO, TARGET_RPDO if len(rpdos) > 1 else None, str(problems))
-    unit = config.counts_per_digit(config.family.velocity or config.family.speed)
+    unit = config.counts_per_digit(config.family.velocity_unit)
     return PdoLayout(tpdos, rpdos[0], rpdos[1] if len(rpdos) > 1 else None, velocity_digit=unit)
 
 

@@ -251,7 +251,7 @@ def make_of(config: WinchConfig) -> Make:
     family, ramp = config.family, config.ramp_speed
     return Make(
         speed=config.counts_per_digit(family.speed),
-        velocity=config.counts_per_digit(family.velocity or family.speed),
+        velocity=config.counts_per_digit(family.velocity_unit),
         acceleration=1.0 if ramp else config.counts_per_digit(family.acceleration or family.speed),
         ramp_speed=ramp,
         rated_current=config.rated_current,
