@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.excite.strokes import LIMITS
+from benchmarks.excite.swung import Swung, carry_out
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Role
 from fidim_lab.data.records import Window as Recording
 from fidim_lab.errors import InfeasibleError, RefusedError
@@ -27,7 +28,6 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import driven_motions
 from fidim_lab.model.swing import Swing
 from procedures.protocols.excite import TELLING
-from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import World, make_world

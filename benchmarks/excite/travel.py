@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.excite.runs import true_world
+from benchmarks.excite.swung import LOOK
 from benchmarks.page import table
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -17,7 +18,6 @@ from fidim_lab.identification.excitation.travel import Trapezoid, Travel, travel
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.model.mechanism import Mechanism
 from procedures.settings import ExciteSettings, MotionSettings
-from sim_backends.excited import LOOK
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import World
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.records import Pose, Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
@@ -18,7 +19,6 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import consistent_twist, simulate_free_motion
 from fidim_lab.model.motion.contributions import seen_compliances_at
 from fidim_lab.model.motion.dynamics import default_extra
-from fidim_lab.model.motion.elastic import simulate_elastic_motion
 from fidim_lab.model.motion.forcing import sightings, start_gaps
 from fidim_lab.model.sensitivity.grid import FINE, Grid
 from fidim_lab.model.sensitivity.integrate import States, integrate

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
 from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear
@@ -17,7 +18,6 @@ from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
 from fidim_lab.model.motion import consistent_twist, simulate_free_motion
-from fidim_lab.model.motion.elastic import simulate_elastic_motion
 from fidim_lab.model.motion.rigid_body import energy
 from fidim_lab.model.slots import PlatformState
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from benchmarks.excite.swung import Swung, carry_out
 from fidim_lab.data.records import Body, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.calm import Calming, _on_its_cables, _pulls, calmed
@@ -16,7 +17,6 @@ from fidim_lab.identification.excitation.strokes import Chain, Pattern
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import balance
-from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import make_world
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.excite.swung import Swung, carry_out
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.bodies import Bodies
@@ -13,7 +14,6 @@ from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import learnt, seen_swing
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
-from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import World, make_world

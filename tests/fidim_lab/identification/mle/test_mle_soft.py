@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
@@ -22,7 +23,6 @@ from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.motion.elastic import simulate_elastic_motion
 
 SHAPE = tuple(np.array(m) for m in ([0.1, 0.0, 0.3], [-0.1, 0.1, 0.25], [0.0, -0.2, 0.2]))
 SOFT, DRAG = 2.4e-5, (0.02, 0.03, 0.04)

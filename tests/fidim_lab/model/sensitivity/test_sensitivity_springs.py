@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.motion.elastic import simulate_elastic_motion
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import EASE
 from fidim_lab.model.sensitivity.grid import FINE, LARGEST_PHASE, QUICK, Grid

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role, Window
 from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
@@ -17,7 +18,6 @@ from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import simulate_free_motion
-from fidim_lab.model.motion.elastic import simulate_elastic_motion
 
 PLACES = [(1.25, -0.15, -0.2), (1.1, 0.1, -0.35), (1.35, -0.35, -0.3)]
 
