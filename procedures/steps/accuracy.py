@@ -15,6 +15,7 @@ class CheckAccuracy(Step):
     """Identify from the windows so far, in a process of its own. Answer REACHED, or none; the reason says how far."""
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+    takes: ClassVar[float] = 8.0
 
     accuracy: Accuracy
 
@@ -22,8 +23,3 @@ class CheckAccuracy(Step):
     def text(self) -> str:
         """The step in words."""
         return f"identify from the windows so far: {self.accuracy.says} is wanted"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 8.0

@@ -66,13 +66,17 @@ class Step:
 
     phase: ClassVar[Phase] = Phase.RESTING
     after_pause: ClassVar[AfterPause] = AfterPause.SAME_STEP
+    says: ClassVar[str] = ""
+    """its `text`, where that does not depend on its values"""
+    takes: ClassVar[float] = 0.0
+    """its `seconds`, likewise"""
 
     window: str = ""
 
     @property
     def text(self) -> str:
         """The step in words, for a person."""
-        return type(self).__name__
+        return self.says or type(self).__name__
 
     @property
     def place(self) -> tuple[object, ...]:
@@ -87,7 +91,7 @@ class Step:
     @property
     def seconds(self) -> float:
         """How long it should take."""
-        return 0.0
+        return self.takes
 
     @property
     def seconds_between(self) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import ClassVar
 
 from procedures.steps.base import Result, Step
 
@@ -21,15 +22,12 @@ class Clarity(StrEnum):
 class Explain(Step):
     """Explain the recording, as `fidim explain` does, in a process of its own; the robot is held meanwhile."""
 
+    says: ClassVar[str] = "explain what was recorded; propose the next window where the verdict is not clear"
+
     number: int
     """of this explanation in the run, from 1"""
     estimate: float
     """s"""
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "explain what was recorded; propose the next window where the verdict is not clear"
 
     @property
     def place(self) -> tuple[object, ...]:

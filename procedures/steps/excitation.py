@@ -101,16 +101,12 @@ class SeeRecordedSwing(Step):
     """How the platform swung when the window just recorded began. Values and FAIL as `WatchSwing`."""
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+    says: ClassVar[str] = "measure the swing of each mode"
 
     attempt: int
     swing: "Swing"
     rest: tuple[float, ...]
     """m, the marker"""
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "measure the swing of each mode"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,16 +118,8 @@ class IdentifyBody(Step):
     """
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "identify from the windows so far, to plan the next ones"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 6.0
+    says: ClassVar[str] = "identify from the windows so far, to plan the next ones"
+    takes: ClassVar[float] = 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +130,7 @@ class Think(Step):
     """
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+    takes: ClassVar[float] = 0.5
 
     what: str
     job: Callable[[], None]
@@ -150,11 +139,6 @@ class Think(Step):
     def text(self) -> str:
         """The step in words."""
         return self.what
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 0.5
 
 
 def swing_values(seen: "SwingOscillations", swing: "Swing") -> tuple[float, ...]:

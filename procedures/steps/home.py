@@ -14,19 +14,11 @@ class Configure(Step):
 
     phase: ClassVar[Phase] = Phase.PREPARING
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+    says: ClassVar[str] = "configure the winches, without power"
+    takes: ClassVar[float] = 2.0
 
     timeout: float = 5.0
     """s for the first samples"""
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "configure the winches, without power"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 2.0
 
 
 @dataclass(frozen=True, kw_only=True)

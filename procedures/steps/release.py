@@ -12,16 +12,8 @@ class TakeHold(Step):
 
     phase: ClassVar[Phase] = Phase.HANDLING
     after_pause: ClassVar[AfterPause] = AfterPause.SAME_ATTEMPT
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "the release takes hold"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 0.2
+    says: ClassVar[str] = "the release takes hold"
+    takes: ClassVar[float] = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,16 +22,8 @@ class LetGo(Step):
 
     phase: ClassVar[Phase] = Phase.HANDLING
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "the release lets go"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 0.2
+    says: ClassVar[str] = "the release lets go"
+    takes: ClassVar[float] = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,19 +17,11 @@ class Enable(Step):
 
     phase: ClassVar[Phase] = Phase.PREPARING
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+    says: ClassVar[str] = "configure the winches, read back their limits, power on and hold"
+    takes: ClassVar[float] = 2.0
 
     timeout: float = 5.0
     """s for the first samples"""
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "configure the winches, read back their limits, power on and hold"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return 2.0
 
     @property
     def seconds_between(self) -> tuple[float, float]:
@@ -120,15 +112,9 @@ class Settle(Step):
 class Hold(Step):
     """All winches hold their position, and stand still."""
 
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "hold all winches"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate: the encoders are looked at for a moment."""
-        return 0.2
+    says: ClassVar[str] = "hold all winches"
+    takes: ClassVar[float] = 0.2
+    """the encoders are looked at for a moment"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,16 +49,12 @@ class TakePower(Step):
 
     phase: ClassVar[Phase] = Phase.TAKING_UP
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+    says: ClassVar[str] = "switch off the power; the brakes hold"
 
     still: float
     """m by which an encoder may move"""
     over: float
     """s"""
-
-    @property
-    def text(self) -> str:
-        """The step in words."""
-        return "switch off the power; the brakes hold"
 
     @property
     def seconds(self) -> float:
