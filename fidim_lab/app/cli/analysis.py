@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
+from fidim_lab.app.cli.options import EQUILIBRIA, PROCESSES, SCHEDULER, answer_option, held_out_option, seed_option
 from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, given, not_with, nothing_but, only_with
 from fidim_lab.errors import SetupError
@@ -19,9 +20,7 @@ from fidim_lab.mismatch.selection.budget import PATIENCE
 @fidim.command()
 @click.argument("campaigns", type=FOLDER, nargs=-1, required=True)
 @click.option("--out", type=OUT_FILE, required=True, help="Robot file to write, in the frame of the motion capture.")
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-registration/1").'
-)
+@answer_option("fidim-registration/1")
 @example("fidim register session-1 session-2 --out registered.toml --json registration.json")
 def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> None:
     """Fit capture frame, markers and encoder zeros of CAMPAIGNS to their robot file.
@@ -64,7 +63,7 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
     show_default=True,
     help="mocap: markers; swivel: lengths, swivel angles s1… and inclination incl_x…; both: all, weighted.",
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-result/1").')
+@answer_option("fidim-result/1")
 @click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML report.")
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
@@ -124,9 +123,7 @@ def identify(
     show_default=True,
     help="Largest χ²/dof of a window that counts as predicted.",
 )
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-validation/1").'
-)
+@answer_option("fidim-validation/1")
 @example("fidim validate runs/dry-run-2 --parameters result.json")
 def validate(**options: Any) -> None:
     """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit code 1 if they do not.
@@ -161,9 +158,7 @@ def validate(**options: Any) -> None:
 @click.option(
     "--recordings", type=FOLDER, default=None, help="Folder of the paper's own takes, used instead of a simulation."
 )
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-reproduction/1").'
-)
+@answer_option("fidim-reproduction/1")
 @example("fidim reproduce --json reproduction.json\n      fidim reproduce --recordings grab")
 def reproduce(recordings: Path | None, **options: Any) -> None:
     """Simulate the paper's experiment and compare its equations 46, 47, 49 and figure 3 with ours.
@@ -194,16 +189,9 @@ def reproduce(recordings: Path | None, **options: Any) -> None:
     default=None,
     help="Standard deviation of the marker noise, m; default: that of the robot file.",
 )
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Random seed.")
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
-@click.option(
-    "--validate",
-    "validation",
-    default=6,
-    show_default=True,
-    type=click.IntRange(0, 60),
-    help="Number of held-out windows.",
-)
+@seed_option()
+@EQUILIBRIA
+@held_out_option(6)
 @click.option(
     "--plan",
     type=FILE,
@@ -213,9 +201,7 @@ def reproduce(recordings: Path | None, **options: Any) -> None:
 @click.option(
     "--own-sensors", is_flag=True, help="Also record swivel encoders s1… and an inclinometer incl_x…, for --pose-from."
 )
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-simulation/1").'
-)
+@answer_option("fidim-simulation/1")
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Simulate a campaign without a bus, and write the true parameters beside it."""
@@ -228,9 +214,7 @@ def simulate(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-explanation/1").'
-)
+@answer_option("fidim-explanation/1")
 @click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page with the proof.")
 @click.option(
     "--pictures",
@@ -297,26 +281,15 @@ def benchmark(context: click.Context) -> None:
 @benchmark.command("explain", cls=Writing)
 @click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="Number of campaigns.")
 @click.option("--only", multiple=True, type=click.IntRange(1), help="Only the campaigns with these numbers.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Random seed of all campaigns.")
+@seed_option("Random seed of all campaigns.")
 @click.option(
     "--out", type=OUT_FOLDER, required=True, help="Folder of the benchmark; an interrupted benchmark is continued."
 )
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
-@click.option(
-    "--validate",
-    "validation",
-    default=6,
-    show_default=True,
-    type=click.IntRange(1, 60),
-    help="Number of held-out windows.",
-)
+@EQUILIBRIA
+@held_out_option(6, least=1)
 @click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds allowed for each campaign.")
-@click.option(
-    "--processes", default=None, type=click.IntRange(1), help="Number of processes; default: one for each core."
-)
-@click.option(
-    "--scheduler", default=None, metavar="ADDRESS", help="Address of a dask cluster to use instead of local processes."
-)
+@PROCESSES
+@SCHEDULER
 @click.option(
     "--without",
     default="",
@@ -337,7 +310,7 @@ def benchmark_explain(**options: Any) -> None:
 
 @fidim.command()
 @click.option("--robot", type=ROBOT, default=None, help="Robot file; default: the paper's four-cable robot.")
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
+@EQUILIBRIA
 @click.option(
     "--samples",
     default=100,
@@ -362,15 +335,11 @@ def benchmark_explain(**options: Any) -> None:
     type=click.IntRange(0, 50),
     help="Average criterion A or D over this many bodies that differ from CAD by 5 %.",
 )
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Random seed.")
+@seed_option()
 @click.option("--out", type=OUT_FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-design/1").')
-@click.option(
-    "--processes", type=click.IntRange(1), default=None, help="Number of processes; default: one for each core."
-)
-@click.option(
-    "--scheduler", default=None, metavar="ADDRESS", help="Address of a dask cluster to use instead of local processes."
-)
+@answer_option("fidim-design/1")
+@PROCESSES
+@SCHEDULER
 @click.option(
     "--by-winches",
     is_flag=True,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from fidim_lab.app.cli.options import answer_option
 from fidim_lab.app.cli.outputs import OUT_EITHER, OUT_FILE, OUT_FOLDER
 from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
 
@@ -94,7 +95,7 @@ def import_(
 @click.option(
     "--pictures", type=OUT_FOLDER, default=None, help="Also write every picture as an SVG file into this folder."
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-report/1").')
+@answer_option("fidim-report/1")
 @example("fidim report runs/dry-run-1 --pictures runs/dry-run-1/export/pictures")
 def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Path | None) -> None:
     """Write the HTML report of a run or campaign FOLDER: one file that opens offline.
@@ -109,9 +110,7 @@ def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Pat
 @fidim.command()
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-comparison/1").'
-)
+@answer_option("fidim-comparison/1")
 @click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page.")
 @example("fidim compare runs/monday runs/tuesday --report compare.html")
 def compare(first: Path, second: Path, json_file: Path | None, report: Path | None) -> None:
@@ -127,9 +126,7 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-verification/1").'
-)
+@answer_option("fidim-verification/1")
 @example("fidim verify runs/dry-run-1")
 def verify(folder: Path, json_file: Path | None) -> None:
     """Check every file of a run FOLDER against its manifest; exit code 1 if one is changed, missing or extra."""
@@ -172,7 +169,7 @@ def verify(folder: Path, json_file: Path | None) -> None:
     is_flag=True,
     help="Also export unfinished windows, as far as they were recorded, into a separate folder.",
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-export/1").')
+@answer_option("fidim-export/1")
 @example(
     "fidim export runs/dry-run-1 --to parquet\n"
     "      fidim export result.json --to mjcf --mass 11.98\n"
@@ -210,7 +207,7 @@ def export(
     metavar="X",
     help="Playback speed, as a multiple of real time; 0: as fast as possible.",
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-replay/1").')
+@answer_option("fidim-replay/1")
 @example("fidim replay runs/dry-run-1")
 def replay(folder: Path, speed: float, json_file: Path | None) -> None:
     """Play the raw bytes of a run FOLDER back through the drivers, and compare with what was recorded.
@@ -225,7 +222,7 @@ def replay(folder: Path, speed: float, json_file: Path | None) -> None:
 @fidim.command("ls")
 @click.argument("folder", type=FOLDER, default=Path("runs"), required=False)
 @click.option("--failures", is_flag=True, help="Also count failed steps and rejected windows over all runs.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-history/1").')
+@answer_option("fidim-history/1")
 @example("fidim ls runs --failures")
 def ls(folder: Path, failures: bool, json_file: Path | None) -> None:
     """List the runs in FOLDER (default runs): date, operator, robot, outcome, result, notes."""

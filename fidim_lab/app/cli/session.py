@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
+from fidim_lab.app.cli.options import EMBEDDED, EQUILIBRIA, LISTING, YES, answer_option, held_out_option, seed_option
 from fidim_lab.app.cli.outputs import OUT_EITHER, OUT_FILE, OUT_FOLDER
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, not_with, only_with
 
@@ -18,23 +19,10 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, 
 @click.option(
     "--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists."
 )
-@click.option(
-    "--seed",
-    default=1,
-    show_default=True,
-    type=click.IntRange(0),
-    help="Random seed; the same seed gives the same windows, byte for byte.",
-)
+@seed_option("Random seed; the same seed gives the same windows, byte for byte.")
 @click.option("--robot", type=ROBOT, default=None, help="Robot file; default: the paper's four-cable robot.")
-@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60), help="Number of equilibria.")
-@click.option(
-    "--validate",
-    "validation",
-    default=3,
-    show_default=True,
-    type=click.IntRange(0, 60),
-    help="Number of held-out windows.",
-)
+@EQUILIBRIA
+@held_out_option(3)
 @click.option("--plan", type=FILE, default=None, help="Rehearse this plan instead of a random one.")
 @click.option(
     "--excite", is_flag=True, help="The winches excite the platform, not a hand (fidim run --procedure excite)."
@@ -74,15 +62,9 @@ def dry_run(**options: Any) -> None:
     metavar="NAME|FILE.py",
     help="A built-in procedure, or a file of your own (docs/procedures.md).",
 )
-@click.option("--list", "listing", is_flag=True, help="Only print the steps and their times; no device is opened.")
-@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
-@click.option(
-    "--seed",
-    default=1,
-    show_default=True,
-    type=click.IntRange(0),
-    help="With --embedded: random seed of the simulation.",
-)
+@LISTING
+@EMBEDDED
+@seed_option("With --embedded: random seed of the simulation.")
 @hide_option("With --embedded: add this effect to the simulation; the model does not have it.")
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")
 @click.option("--unattended", is_flag=True, help="Nobody is there: refuse to start if a prompt has no --answer.")
@@ -111,7 +93,7 @@ def dry_run(**options: Any) -> None:
     default=None,
     help="Also listen on this port of 127.0.0.1; clients need a token.",
 )
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-summary/1").')
+@answer_option("fidim-summary/1")
 @example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
 def run_(**options: Any) -> None:
     """Run PLAN on a rig: a separate process controls the robot; this terminal shows messages and answers prompts.
@@ -155,7 +137,7 @@ def ui(**options: Any) -> None:
     help="Continue from where the robot is now: you have checked its position, or homed it.",
 )
 @click.option("--trust", is_flag=True, help="Execute commands and files that run.json names without asking.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-summary/1").')
+@answer_option("fidim-summary/1")
 @example("fidim resume runs/plan")
 def resume(**options: Any) -> None:
     """Continue the run in FOLDER after an emergency stop, a crash, a power cut or an abort.
@@ -186,9 +168,7 @@ class _Hasty(click.Command):
 @fidim.command(cls=_Hasty, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
 @click.option("--rig", type=FILE, default=None, help="Stop only the service of this rig; default: all your services.")
 @click.option("--reason", default="", help="Reason, written to the journal.")
-@click.option(
-    "--json", "json_file", type=FILE, default=None, help='Write the answer as JSON ("fidim-stop/1").'
-)  # a stop waits for no path
+@answer_option("fidim-stop/1", FILE)  # a stop waits for no path
 @example("fidim stop")
 def stop(rig: Path | None, reason: str, json_file: Path | None, not_understood: str) -> None:
     """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button.
@@ -203,7 +183,7 @@ def stop(rig: Path | None, reason: str, json_file: Path | None, not_understood: 
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
 @click.option("--rig", type=FILE, default=None, help="Rig file; default: that of the run in FOLDER.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-reset/1").')
+@answer_option("fidim-reset/1")
 @example("fidim reset --rig rig.toml")
 def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
     """Reset an emergency stop after two questions: has its cause been removed, and is nobody at the cables?
@@ -219,7 +199,7 @@ def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
 @click.option("--rig", type=FILE, default=None, help="End the service of this rig.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-shutdown/1").')
+@answer_option("fidim-shutdown/1")
 @example("fidim shutdown")
 def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
     """End a service whose run has ended (fidim run --stay) or has not begun; refused during a run."""
@@ -230,13 +210,7 @@ def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> N
 
 @fidim.command()
 @click.argument("rig", type=FILE)
-@click.option(
-    "--seed",
-    default=1,
-    show_default=True,
-    type=click.IntRange(0),
-    help="Random seed of the robot's true parameters and of all noise.",
-)
+@seed_option("Random seed of the robot's true parameters and of all noise.")
 @hide_option("Add this effect to the simulation; the model does not have it.")
 @click.option(
     "--plan", type=FILE, default=None, help="Begin at rest, with the cable lengths of this plan's first window."
@@ -271,16 +245,10 @@ def simulators(**options: Any) -> None:
     help="Who is at the robot; faults are acknowledged in this name. Required except with --list.",
 )
 @click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default: runs/commission-RIG.")
-@click.option("--list", "listing", is_flag=True, help="Only print the steps and their times; no device is opened.")
-@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
-@click.option(
-    "--seed",
-    default=1,
-    show_default=True,
-    type=click.IntRange(0),
-    help="With --embedded: random seed of the simulation.",
-)
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-summary/1").')
+@LISTING
+@EMBEDDED
+@seed_option("With --embedded: random seed of the simulation.")
+@answer_option("fidim-summary/1")
 @example('fidim commission rig.toml --by "A. Name"')
 def commission(**options: Any) -> None:
     """Prove by trial that each drive of the RIG file stops: without load, at low speed, with somebody present.
@@ -298,7 +266,7 @@ def commission(**options: Any) -> None:
 
 @fidim.command("power-off")
 @click.argument("rig", type=FILE)
-@click.option("--yes", is_flag=True, help="Confirm that the load is secured, without being asked.")
+@YES
 @click.option(
     "--acknowledge",
     "acknowledged_by",
@@ -306,9 +274,7 @@ def commission(**options: Any) -> None:
     metavar="NAME",
     help="Also reset faults; NAME has checked their cause.",
 )
-@click.option(
-    "--json", "json_file", type=FILE, default=None, help='Write the answer as JSON ("fidim-power-off/1").'
-)  # likewise
+@answer_option("fidim-power-off/1", FILE)  # likewise
 @example("fidim power-off rig.toml")
 def power_off(**options: Any) -> None:
     """Switch off all drives of the RIG file, for example after a run whose program has ended.
@@ -324,8 +290,8 @@ def power_off(**options: Any) -> None:
 @click.argument("rig", type=FILE)
 @click.argument("winch")
 @click.option("--release/--apply", required=True, help="Release the drum so that it can turn, or hold it again.")
-@click.option("--yes", is_flag=True, help="Confirm that the load is secured, without being asked.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-brake/1").')
+@YES
+@answer_option("fidim-brake/1")
 @example('fidim brake rig.toml "winch 2" --release')
 def brake(**options: Any) -> None:
     """Release or apply the holding brake of one WINCH of the RIG file, for mounting; the drive must be without power.
@@ -350,7 +316,7 @@ def brake(**options: Any) -> None:
 )
 @click.option("--eds", type=FILE, default=None, help="Show what the drive of this EDS or DCF file can do.")
 @click.option("--family", default=None, help="With --eds: a built-in drive family, or a file of your own (.toml).")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-doctor/1").')
+@answer_option("fidim-doctor/1")
 @example("fidim doctor --rig rig.toml")
 def doctor(
     robot: Path | None,
@@ -377,9 +343,7 @@ def doctor(
 
 @fidim.command("tension-calibrate")
 @click.argument("campaign", type=FOLDER)
-@click.option(
-    "--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-tension-calibration/1").'
-)
+@answer_option("fidim-tension-calibration/1")
 @example("fidim tension-calibrate runs/poses")
 def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
     """Find gain, offset and friction band of each winch from the rest poses of CAMPAIGN; prints lines for the rig file.
@@ -400,7 +364,7 @@ def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
 @click.option("--robot", type=ROBOT, default=None, help="Robot that the new file is for; default robot.toml.")
 @click.option("--cables", default=4, show_default=True, type=int, help="Number of cables of a new robot, 2 to 5.")
 @click.option("--simulated", is_flag=True, help="For a rig: use the devices of fidim simulators instead of hardware.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write the answer as JSON ("fidim-init/1").')
+@answer_option("fidim-init/1")
 @example("fidim init robot --cables 3\n      fidim init rig --simulated\n      fidim init plan --robot robot.toml")
 def init(**options: Any) -> None:
     """Write a new file of KIND: every key with its unit, its frame and how it is measured. Overwrites nothing.
