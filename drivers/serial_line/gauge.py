@@ -1,42 +1,16 @@
 """`LineGauge`: a measuring device that sends lines of text, by itself or when asked (load cells, inclinometers)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.ports import Clock, GaugeReading
 from drivers.serial_line.lines import LineSplitter
 from drivers.serial_line.port import SerialPort
 from drivers.serial_line.template import LineTemplate
+from fidim_lab.data.rigs.rig_serial import GaugeEntry
 from fidim_lab.errors import DeviceError, SetupError
 
 LOOK = 0.1
 """s between two looks at the port of a device that sends by itself"""
-
-
-@dataclass(frozen=True)
-class GaugeConfig:
-    """The rig file's values of a measuring device."""
-
-    name: str
-    """for messages: "load cells /dev/ttyUSB1\""""
-    url: str
-    baud: int
-    pattern: str
-    """of a line, see `LineTemplate`"""
-    columns: Mapping[str, str]
-    """the name of each number in the pattern → the column of a recorded window that it fills"""
-    scale: float
-    """SI units for one unit on the wire"""
-    offset: float = 0.0
-    """SI, added after scaling"""
-    age: float = 0.5
-    """s after which a reading is unknown"""
-    uncertainty: float = 0.0
-    """SI, standard deviation of one reading's error"""
-    ask: bytes = b""
-    """what makes the device send one line; empty where it sends by itself"""
-    period: float = LOOK
-    """s between two questions"""
 
 
 @dataclass
@@ -52,7 +26,7 @@ class GaugeCounters:
 class LineGauge:
     """`Gauge` port on a serial line. `run` keeps it connected and asks; make it on a running loop."""
 
-    def __init__(self, config: GaugeConfig, clock: Clock) -> None:
+    def __init__(self, config: GaugeEntry, clock: Clock) -> None:
         """Raises SetupError for a pattern that is none, or that does not name the columns' numbers."""
         self.config = config
         self.counters = GaugeCounters()
@@ -64,7 +38,7 @@ class LineGauge:
         self._clock = clock
         self._splitter = LineSplitter(skip_first=not config.ask)
         self._latest: GaugeReading | None = None
-        self._port = SerialPort(config.url, config.baud, clock, config.name, self._received, self._changed)
+        self._port = SerialPort(config.port, config.baud, clock, config.name, self._received, self._changed)
 
     @property
     def name(self) -> str:
@@ -100,7 +74,7 @@ class LineGauge:
                         self._port.write(self.config.ask)
                     except DeviceError:
                         continue  # the port knows why, and is opened again
-                await self._clock.sleep(self.config.period)
+                await self._clock.sleep(1.0 / self.config.rate if self.config.ask else LOOK)
         finally:
             self._port.close()
 

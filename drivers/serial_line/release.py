@@ -6,38 +6,17 @@ lets go by itself, latches: the platform may be swinging, or in somebody's hands
 before somebody has said that he has looked.
 """
 
-from dataclasses import dataclass
-
 from drivers.ports import Clock, ReleaseState
 from drivers.serial_line.lines import LineSplitter
 from drivers.serial_line.port import SerialPort
+from fidim_lab.data.rigs.rig_serial import ReleaseEntry
 from fidim_lab.errors import DeviceError, RefusedError
 
 POLL = 0.02
 """s between two looks for an answer"""
 
 
-@dataclass(frozen=True)
-class ReleaseConfig:
-    """The rig file's values of the release."""
-
-    name: str
-    """for messages: "release /dev/ttyUSB0\""""
-    url: str
-    baud: int
-    hold: bytes
-    release: bytes
-    ask: bytes
-    holds: str
-    """the line that answers `ask` while it holds"""
-    released: str
-    period: float = 0.1
-    """s between two questions"""
-    timeout: float = 1.0
-    """s within which a command must be confirmed, and after which an answer is too old"""
-
-
-def state_in(line: str, config: ReleaseConfig) -> ReleaseState | None:
+def state_in(line: str, config: ReleaseEntry) -> ReleaseState | None:
     """The state that a line tells; None for any other line (an echo, a greeting). Pure."""
     if line == config.holds:
         return ReleaseState.HOLDS
@@ -47,13 +26,13 @@ def state_in(line: str, config: ReleaseConfig) -> ReleaseState | None:
 class SerialRelease:
     """`Release` port on a serial line. `run` keeps it connected and asks for its state."""
 
-    def __init__(self, config: ReleaseConfig, clock: Clock) -> None:
+    def __init__(self, config: ReleaseEntry, clock: Clock) -> None:
         self.config = config
         self.ignored = 0
         """lines that told no state"""
         self._clock = clock
         self._splitter = LineSplitter(skip_first=False)
-        self._port = SerialPort(config.url, config.baud, clock, config.name, self._received, self._changed)
+        self._port = SerialPort(config.port, config.baud, clock, config.name, self._received, self._changed)
         self._told: tuple[float, ReleaseState] | None = None
         self._holding = False
         """a hold was asked for and confirmed, and not ended by us"""

@@ -125,8 +125,7 @@ class CableTable(Table):
         if turned > ROUNDED:
             raise ValueError("x × y is not z: the swivel's axes must be right-handed")
         if max(off, turned) > AXIS_TOLERANCE:
-            for name, axis in by_two.items():
-                setattr(self, name, tuple(axis))
+            return self.model_copy(update={name: tuple(axis) for name, axis in by_two.items()})
         return self
 
 

@@ -17,7 +17,9 @@ from typing import Any
 
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan
-from fidim_lab.data.rigs.rig import BusEntry, GuardEntry, HandEntry, MocapEntry, MocapKind, RigFile, WinchEntry
+from fidim_lab.data.rigs.rig import MocapEntry, RigFile, WinchEntry
+from fidim_lab.data.rigs.rig_guard_tables import GuardsTable
+from fidim_lab.data.rigs.rig_tables import BusTable, HandTable, MocapKind
 from fidim_lab.errors import HardwareError
 from procedures.settings import Settings
 
@@ -79,8 +81,8 @@ def rehearsal_file(file: RigFile, ports: Ports) -> RigFile:
         bus=_bus(file.bus, ports.bus),
         winches=tuple(_patient_winch(winch) for winch in file.winches),
         motion_capture=_motion_capture(file, ports.motion_capture),
-        guards={name: _patient_guard(name, guard) for name, guard in file.guards.items()},
-        hand=HandEntry(HOST, ports.hand),
+        guards=_patient_guards(file.guards),
+        hand=HandTable.model_construct(host=HOST, port=ports.hand),  # unchecked: port 0 while it does not matter
         keeps_homes=False,
         release=None if file.release is None else replace(file.release, **_patient_line(ports, 0)),
         gauges=tuple(replace(gauge, **_patient_line(ports, k)) for k, gauge in enumerate(file.gauges, start=1)),
@@ -165,14 +167,10 @@ async def _end(child: asyncio.subprocess.Process) -> None:
         await child.wait()
 
 
-def _bus(bus: BusEntry, port: int) -> BusEntry:
-    return replace(
-        bus,
-        interface="slcan",
-        channel=f"socket://{HOST}:{port}",
-        sync_rate=min(bus.sync_rate, SYNC_RATE),
-        options={"sleep_after_open": 0.1},
-    )
+def _bus(bus: BusTable, port: int) -> BusTable:
+    channel, options = f"socket://{HOST}:{port}", {"sleep_after_open": 0.1}
+    rate = min(bus.sync_rate, SYNC_RATE)
+    return bus.model_copy(update={"interface": "slcan", "channel": channel, "sync_rate": rate, "options": options})
 
 
 def _motion_capture(file: RigFile, port: int) -> MocapEntry:
@@ -190,20 +188,20 @@ def _motion_capture(file: RigFile, port: int) -> MocapEntry:
 
 
 def _patient_winch(winch: WinchEntry) -> WinchEntry:
-    return replace(
-        winch,
-        home=None,
-        heartbeat=max(winch.heartbeat, PATIENCE / 3.0),
-        host_timeout=max(winch.host_timeout, PATIENCE),
-        sdo_timeout=max(winch.sdo_timeout, PATIENCE),
+    times = {
+        "heartbeat": max(winch.heartbeat, PATIENCE / 3.0),
+        "host_timeout": max(winch.host_timeout, PATIENCE),
+        "sdo_timeout": max(winch.sdo_timeout, PATIENCE),
+    }
+    return winch.model_copy(update={"home": None, **times})
+
+
+def _patient_guards(guards: GuardsTable) -> GuardsTable:
+    stale, loop, marker = guards.stale_winch, guards.host_loop, guards.marker
+    return guards.model_copy(
+        update={
+            "stale_winch": stale.model_copy(update={"age": max(stale.age, PATIENCE)}),
+            "host_loop": loop.model_copy(update={"late": max(loop.late, PATIENCE)}),
+            "marker": marker.model_copy(update={"lasting": max(marker.lasting, PATIENCE)}),
+        }
     )
-
-
-_TIMES = {"stale_winch": "age", "host_loop": "late", "marker": "lasting"}
-
-
-def _patient_guard(name: str, guard: GuardEntry) -> GuardEntry:
-    key = _TIMES.get(name)
-    if key is None:
-        return guard
-    return replace(guard, thresholds={**guard.thresholds, key: max(guard.thresholds[key], PATIENCE)})

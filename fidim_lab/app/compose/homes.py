@@ -2,14 +2,13 @@
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 
 from drivers.cia402.bring_up import Zeroed
 from drivers.cia402.motion import Cia402Winch
 from drivers.ports import Clock
-from fidim_lab.data.rigs.home_file import write_homes
-from fidim_lab.data.rigs.rig import RigFile, WinchHome
+from fidim_lab.data.rigs.home_file import WinchHome, write_homes
+from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import HardwareError
 
 PERIOD = 1.0
@@ -54,7 +53,7 @@ class HomeKeeper:
                 homes[winch.name] = _home(winch, zeroed)
             values = winch.link.values
             if winch.name in homes and values is not None and not values.velocity:
-                homes[winch.name] = replace(homes[winch.name], last_count=values.position)
+                homes[winch.name] = homes[winch.name].model_copy(update={"last_count": values.position})
         return homes
 
 

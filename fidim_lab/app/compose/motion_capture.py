@@ -23,7 +23,8 @@ from drivers.mocap.feeds import ByteFeed, Conversation, TcpFeed, UdpFeed
 from drivers.mocap.lsl_feed import LslFeed
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock
-from fidim_lab.data.rigs.rig import MocapEntry, MocapKind, RigFile
+from fidim_lab.data.rigs.rig import MocapEntry, RigFile
+from fidim_lab.data.rigs.rig_tables import MocapKind
 
 CONVERSATIONS: Mapping[MocapKind, Callable[[], Conversation]] = {
     MocapKind.VICON_DATASTREAM: DataStreamWishes,

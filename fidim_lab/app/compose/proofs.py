@@ -101,18 +101,19 @@ class ProofKeeper:
             time, distance = result.values
             settings = stop_settings(self._configs[step.winch], self._file.bus.host_id)
             self._passed[key] = KeptProof(
-                *key,
-                vendor,
-                product,
-                revision,
-                serial,
-                step.speed,
-                round(time, 3),
-                round(distance, 5),
-                self._by,
-                self._wall_time(),
-                settings,
-                "faulted" in result.readings,
+                winch=key[0],
+                trial=key[1],
+                vendor_id=vendor,
+                product_code=product,
+                revision_number=revision,
+                serial_number=serial,
+                speed=step.speed,
+                time=round(time, 3),
+                distance=round(distance, 5),
+                by=self._by,
+                at=self._wall_time(),
+                settings=settings,
+                faulted="faulted" in result.readings,
             )
         before = self._writing
         self._writing = asyncio.ensure_future(self._write(before))

@@ -4,10 +4,11 @@ What they meet there (drives in a hall, or `fidim simulators` in another process
 """
 
 import contextlib
-from collections.abc import AsyncGenerator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.bring_up import refuse_other_master
@@ -23,7 +24,8 @@ from fidim_lab.app.compose.loop import running
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
 from fidim_lab.app.compose.winches import winch_configs
-from fidim_lab.data.rigs.rig import GuardEntry, GuardReaction, RigFile
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_guard_tables import GuardsTable
 from fidim_lab.data.rigs.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
 from procedures.settings import (
@@ -36,12 +38,6 @@ from procedures.settings import (
     TensionSettings,
 )
 
-REACTIONS = {
-    GuardReaction.HOLD: Reaction.HOLD,
-    GuardReaction.QUICK_STOP: Reaction.QUICK_STOP,
-    GuardReaction.REJECT_WINDOW: Reaction.REJECT_WINDOW,
-    GuardReaction.WARN: Reaction.WARN,
-}
 SHORTEST_LISTEN, LONGEST_LISTEN = 0.1, 1.0
 """s of listening for another master, at any heartbeat"""
 
@@ -107,7 +103,7 @@ async def real_rig(
 def open_bus(file: RigFile) -> PythonCanTransport:
     """The rig's CAN bus. Raises SetupError where what the file says of it is wrong, BusError where it is not there."""
     bus = file.bus
-    options = {"send_patience": 1.0 / bus.sync_rate, **bus.options}
+    options: dict[str, Any] = {"send_patience": 1.0 / bus.sync_rate, **bus.options}
     return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **options)
 
 
@@ -149,7 +145,7 @@ def rig_settings(file: RigFile, base: Settings | None = None, winches: Sequence[
         length_limits=tuple(config.length_limits for config in configs),
         highest_speed=speed,
         highest_acceleration=acceleration,
-        together=max(base.motion.together, min(file.guards["stale_winch"].thresholds["age"], LONGEST_TOGETHER)),
+        together=max(base.motion.together, min(file.guards.stale_winch.age, LONGEST_TOGETHER)),
     )
     excite = replace(
         base.excite,
@@ -230,31 +226,28 @@ def _tolerance(file: RigFile, tension: TensionSettings) -> float:
     return max(known) / file.robot.limits.tension[0] if len(known) == len(bands) else tension.tolerance
 
 
-def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings, window: float) -> GuardSettings:
+def _guard_settings(guards: GuardsTable, base: GuardSettings, window: float) -> GuardSettings:
     """window: the drives' own for the following error, m."""
-    stale, tension = guards["stale_winch"].thresholds, guards["tension"].thresholds
-    motion = guards["motion"].thresholds
-    following, heat = guards["following_error"].thresholds, guards["temperature"].thresholds
     return replace(
         base,
-        sample_age=stale["age"],
-        slack=tension["slack"],
-        overload=tension["overload"],
-        hysteresis=tension["hysteresis"],
-        tension_for=tension["lasting"],
-        marker_for=guards["marker"].thresholds["lasting"],
-        motion=motion["allowed"],
-        motion_late=motion["late"],
-        motion_speed=motion["speed"],
-        motion_speed_for=motion["lasting"],
-        slip=guards["slip"].thresholds["allowed"],
-        following_error=following["part"] * window,
-        following_error_for=following["lasting"],
-        temperature=heat["limit"],
-        temperature_hysteresis=heat["hysteresis"],
-        temperature_age=heat["age"],
-        bus_lost=round(guards["bus_errors"].thresholds["lost"]),
-        loop_late=guards["host_loop"].thresholds["late"],
-        disk_spare=guards["disk"].thresholds["spare"],
-        reactions={name.replace("_", " "): REACTIONS[entry.reaction] for name, entry in guards.items()},
+        sample_age=guards.stale_winch.age,
+        slack=guards.tension.slack,
+        overload=guards.tension.overload,
+        hysteresis=guards.tension.hysteresis,
+        tension_for=guards.tension.lasting,
+        marker_for=guards.marker.lasting,
+        motion=guards.motion.allowed,
+        motion_late=guards.motion.late,
+        motion_speed=guards.motion.speed,
+        motion_speed_for=guards.motion.lasting,
+        slip=guards.slip.allowed,
+        following_error=guards.following_error.part * window,
+        following_error_for=guards.following_error.lasting,
+        temperature=guards.temperature.limit,
+        temperature_hysteresis=guards.temperature.hysteresis,
+        temperature_age=guards.temperature.age,
+        bus_lost=guards.bus_errors.lost,
+        loop_late=guards.host_loop.late,
+        disk_spare=guards.disk.spare,
+        reactions={name.replace("_", " "): Reaction(guard.reaction.replace("-", " ")) for name, guard in guards},
     )

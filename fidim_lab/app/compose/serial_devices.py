@@ -4,11 +4,10 @@ import contextlib
 from dataclasses import dataclass
 
 from drivers.ports import Clock
-from drivers.serial_line.gauge import LOOK, GaugeConfig, LineGauge
-from drivers.serial_line.release import ReleaseConfig, SerialRelease
+from drivers.serial_line.gauge import LineGauge
+from drivers.serial_line.release import SerialRelease
 from fidim_lab.app.compose.loop import running
 from fidim_lab.data.rigs.rig import RigFile
-from fidim_lab.data.rigs.rig_serial import GaugeEntry, ReleaseEntry
 from fidim_lab.errors import SetupError
 
 
@@ -23,44 +22,13 @@ class SerialDevices:
 def serial_devices(file: RigFile, clock: Clock) -> SerialDevices:
     """The drivers, not yet running. Raises SetupError naming the rig file for a pattern that is none."""
     try:
-        gauges = tuple(LineGauge(_gauge_config(entry), clock) for entry in file.gauges)
+        gauges = tuple(LineGauge(entry, clock) for entry in file.gauges)
     except SetupError as error:
         raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
-    return SerialDevices(None if file.release is None else SerialRelease(_release_config(file.release), clock), gauges)
+    return SerialDevices(None if file.release is None else SerialRelease(file.release, clock), gauges)
 
 
 async def run_serial_devices(stack: contextlib.AsyncExitStack, devices: SerialDevices) -> None:
     """Keep them connected until the context ends."""
     for device in (*((devices.release,) if devices.release else ()), *devices.gauges):
         await running(stack, device.run())
-
-
-def _gauge_config(entry: GaugeEntry) -> GaugeConfig:
-    return GaugeConfig(
-        name=entry.name,
-        url=entry.port,
-        baud=entry.baud,
-        pattern=entry.pattern,
-        columns=entry.columns,
-        scale=entry.scale,
-        offset=entry.offset,
-        age=entry.age,
-        uncertainty=entry.uncertainty,
-        ask=entry.ask,
-        period=1.0 / entry.rate if entry.ask else LOOK,
-    )
-
-
-def _release_config(entry: ReleaseEntry) -> ReleaseConfig:
-    return ReleaseConfig(
-        name=entry.name,
-        url=entry.port,
-        baud=entry.baud,
-        hold=entry.hold,
-        release=entry.release,
-        ask=entry.ask,
-        holds=entry.holds,
-        released=entry.released,
-        period=entry.period,
-        timeout=entry.timeout,
-    )

@@ -10,7 +10,8 @@ from drivers.mocap.decoders import address_of
 from drivers.mocap.decoders.decoder import UNLABELLED
 from drivers.ports import Clock
 from fidim_lab.data.records import Robot
-from fidim_lab.data.rigs.rig import MocapEntry, MocapKind, RigFile
+from fidim_lab.data.rigs.rig import MocapEntry, RigFile
+from fidim_lab.data.rigs.rig_tables import MocapKind
 from fidim_lab.errors import SetupError
 from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession

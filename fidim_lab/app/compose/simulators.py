@@ -9,6 +9,7 @@ from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import can
 import numpy as np
@@ -27,7 +28,8 @@ from fidim_lab.app.compose.simulated_serial import (
 from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
-from fidim_lab.data.rigs.rig import BusEntry, RigFile
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_tables import BusTable
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.drive.axis import Ampere, Defects, DrumShaft, Make
@@ -223,7 +225,7 @@ def _drives(
     drives: list[SimulatedDrive] = []
     for entry, config, drum, shaft, length in zip(file.winches, configs, laboratory.drums, shafts, start, strict=True):
         position = drum.direction * (float(length) - drum.home_length) / drum.metres_per_count
-        od = read_eds(entry.eds or GENERIC_EDS, entry.node_id)
+        od = read_eds(entry.eds_file or GENERIC_EDS, entry.node_id)
         if isinstance(od.find(0x6040), AbortCode):
             raise SetupError(
                 f"{file.path}: {entry.name}: the EDS file {entry.eds} describes no drive: no controlword (6040).",
@@ -264,7 +266,7 @@ def _ampere(told: AmpereObject | None) -> Ampere | None:
     return None if told is None else Ampere(told.index, told.sub, told.ampere)
 
 
-def _open_bus(entry: BusEntry) -> can.BusABC:
+def _open_bus(entry: BusTable) -> can.BusABC:
     """Our end of the rig file's bus. Raises SetupError for one that only hardware has."""
     if entry.interface == "slcan" and entry.channel.startswith(SOCKET):
         host, _, port = entry.channel.removeprefix(SOCKET).rpartition(":")
@@ -278,7 +280,8 @@ def _open_bus(entry: BusEntry) -> can.BusABC:
             f"The bus {entry.name} belongs to hardware or to one process: simulated drives are not put on it.",
             hint='Use "slcan" with channel = "socket://127.0.0.1:20100" or "/tmp/fidim/can", "udp_multicast", vcan….',
         )
+    options: dict[str, Any] = dict(entry.options)
     try:
-        return can.Bus(entry.channel, entry.interface, **dict(entry.options))
+        return can.Bus(entry.channel, entry.interface, **options)
     except (can.CanError, OSError, ValueError, TypeError) as error:
         raise SetupError(f"The CAN bus {entry.name} cannot be opened: {error}.") from error

@@ -31,7 +31,7 @@ def winch_configs(file: RigFile, *, homing: bool = False, on_trial: bool = False
     homing: stored zeros are about to be made anew, so that none is checked. on_trial: stops are about to be tried.
     """
     winches = file.robot.winches or ()
-    age = file.guards["stale_winch"].thresholds["age"]
+    age = file.guards.stale_winch.age
     try:
         configs = [
             _winch_config(entry, winch.newton_per_ampere, age, homing, file.path.parent)
@@ -79,7 +79,7 @@ def _winch_config(
         sdo_timeout=entry.sdo_timeout,
         step_timeout=STEP_TIMEOUT + entry.brake_time,
         stop=StopReactions(**vars(entry.stop)),
-        eds=entry.eds or GENERIC_EDS,
+        eds=entry.eds_file or GENERIC_EDS,
         vendor_id=entry.vendor_id,
         product_code=entry.product_code,
         serial_number=entry.serial_number,
@@ -87,7 +87,7 @@ def _winch_config(
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
         temperature=_temperature(entry),
-        sto=None if entry.sto is None else Signal(entry.sto.bit, entry.sto.active),
+        sto=None if entry.sto is None else Signal(**vars(entry.sto)),
         brake_output=None if entry.brake_output is None else Signal(**vars(entry.brake_output)),
         family=family,
         motor_counts=entry.counts_per_turn,

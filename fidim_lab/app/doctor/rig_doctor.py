@@ -26,7 +26,7 @@ from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
-from fidim_lab.data.rigs.rig import GuardEntry, RigFile
+from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
 from procedures.steps import Lengths
 
@@ -49,7 +49,7 @@ def check_rig(file: RigFile) -> list[Check]:
         Check(f"rig {file.path.name}", CheckVerdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")
     ]
     checks += [*check_reach(file), *check_tensions(file)]
-    for eds, name in sorted({(entry.eds, entry.family) for entry in file.winches if entry.eds is not None}):
+    for eds, name in sorted({(entry.eds_file, entry.family) for entry in file.winches if entry.eds_file is not None}):
         with contextlib.suppress(FidimError):  # said with its winch, where the drives are asked
             found = read_dictionary(eds, 1)
             checks += check_family(found, read_family(family_path(name, file.path.parent)))
@@ -203,11 +203,12 @@ def check_tensions(file: RigFile) -> list[Check]:
 
 def check_guards(file: RigFile) -> list[Check]:
     """The reaction table, for a person to read."""
+    guards = file.guards.model_dump()
     return [
-        Check(f"guard {name.replace('_', ' ')}", CheckVerdict.OK, _words(entry)) for name, entry in file.guards.items()
+        Check(f"guard {name.replace('_', ' ')}", CheckVerdict.OK, _words(**guard)) for name, guard in guards.items()
     ]
 
 
-def _words(entry: GuardEntry) -> str:
-    thresholds = ", ".join(f"{name} {value:g}" for name, value in entry.thresholds.items())
-    return f"{entry.reaction}{f' ({thresholds})' if thresholds else ''}"
+def _words(reaction: str, **thresholds: float) -> str:
+    told = ", ".join(f"{name} {value:g}" for name, value in thresholds.items())
+    return f"{reaction}{f' ({told})' if told else ''}"

@@ -39,7 +39,7 @@ _BRACKETS = re.compile(r"[\[\]{}]")
 class Table(BaseModel):
     """A TOML table whose keys are all known: an unknown one is an error."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def read_toml_table(path: Path, commands: Collection[str] = ()) -> dict[str, Any]:

@@ -4,8 +4,7 @@ Written by `fidim commission`, readable for people. Each proof names the drive t
 another drive, or another setting, has proven nothing.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,53 +21,36 @@ _HEAD = "# Written by fidim commission: stops that were proven by trial. Another
 _Word = Annotated[int, Field(ge=0, lt=2**32)]
 
 
-@dataclass(frozen=True)
-class KeptProof:
+class KeptProof(Table):
     """One trial that one drive has passed."""
 
-    winch: str
-    trial: str
+    winch: Annotated[str, Field(min_length=1)]
+    trial: Annotated[str, Field(min_length=1)]
     """what was withheld or commanded"""
-    vendor_id: int
-    product_code: int
-    revision_number: int
-    serial_number: int
+    vendor_id: _Word
+    product_code: _Word
+    revision_number: _Word
+    serial_number: _Word
     """1018 of the drive; 0 where it tells none"""
-    speed: float
+    speed: Positive
     """m/s of cable at which it was tried"""
-    time: float
+    time: NotNegative
     """s until it stood"""
     distance: float
     """m of cable in that time"""
-    by: str
+    by: Annotated[str, Field(min_length=1)]
     """who was there"""
     at: str
     """ISO 8601"""
-    settings: Mapping[str, int] = field(default_factory=dict[str, int])
+    settings: dict[str, int]
     """what the drive was told, by object"""
     faulted: bool = False
     """its fault reaction has stopped it, uncommanded"""
 
 
-class _ProofTable(Table):
-    winch: Annotated[str, Field(min_length=1)]
-    trial: Annotated[str, Field(min_length=1)]
-    vendor_id: _Word
-    product_code: _Word
-    revision_number: _Word
-    serial_number: _Word
-    speed: Positive
-    time: NotNegative
-    distance: float
-    by: Annotated[str, Field(min_length=1)]
-    at: str
-    settings: dict[str, int]
-    faulted: bool = False
-
-
 class _ProofsTable(Table):
     format: Literal["fidim-proofs/1"]
-    proof: list[_ProofTable] = Field(default_factory=list[_ProofTable])
+    proof: tuple[KeptProof, ...] = ()
 
 
 def proofs_path(rig: Path, *, embedded: bool = False) -> Path:
@@ -80,7 +62,7 @@ def read_proofs(path: Path) -> tuple[KeptProof, ...]:
     """None of them without a file. Raises FileError for one that is none."""
     if not path.exists():
         return ()
-    return tuple(KeptProof(**proof.model_dump()) for proof in read_toml(path, _ProofsTable, FORMAT).proof)
+    return read_toml(path, _ProofsTable, FORMAT).proof
 
 
 def write_proofs(path: Path, proofs: Sequence[KeptProof]) -> Path:

@@ -10,34 +10,25 @@ from fidim_lab.data.eds.text import LIMIT as EDS_LIMIT
 from fidim_lab.data.files.input_file import open_input
 from fidim_lab.data.files.toml_file import nearest, read_toml
 from fidim_lab.data.records import Robot, WinchTorque
-from fidim_lab.data.rigs.home_file import read_homes
-from fidim_lab.data.rigs.rig import (
-    BusEntry,
-    GuardEntry,
-    GuardReaction,
-    HandEntry,
-    MocapEntry,
-    MocapKind,
-    PlaceEntry,
-    RigFile,
-    SignalEntry,
-    StopEntry,
-    TemperatureEntry,
-    TensionEntry,
-    WinchEntry,
-    WinchHome,
-)
-from fidim_lab.data.rigs.rig_guard_tables import GuardsTable
+from fidim_lab.data.rigs.home_file import WinchHome, read_homes
+from fidim_lab.data.rigs.rig import MocapEntry, RigFile, WinchEntry
 from fidim_lab.data.rigs.rig_serial_tables import COMMANDS, gauge_entries, release_entry
-from fidim_lab.data.rigs.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, RigWinchTable
+from fidim_lab.data.rigs.rig_tables import (
+    GENERIC,
+    STANDARD_PORTS,
+    UNITS,
+    MocapKind,
+    MocapTable,
+    RigTable,
+    RigWinchTable,
+    TensionTable,
+)
 from fidim_lab.data.robot_file import read_robot, robot_path
 from fidim_lab.errors import FileError
 
 T = TypeVar("T")
 
 FORMAT = "fidim-rig/1"
-GENERIC = "generic"
-"""the name of the built-in EDS"""
 SAME_DRUM = 0.01
 """by how much of it a drum radius may differ between rig and robot file"""
 
@@ -63,18 +54,18 @@ def read_rig(path: Path, *, opened: bool = True) -> RigFile:
         name=table.name,
         robot_path=robot_file,
         robot=calibrated(robot, tuple(winch.tension for winch in winches)),
-        bus=BusEntry(**table.bus.model_dump()),
+        bus=table.bus,
         winches=winches,
         motion_capture=_motion_capture(path, table.motion_capture, len(robot.markers)),
-        guards=_guards(table.guards),
-        place=PlaceEntry(table.place.off, table.place.change, table.place.part),
-        hand=None if table.simulated_hand is None else HandEntry(**table.simulated_hand.model_dump()),
+        guards=table.guards,
+        place=table.place,
+        hand=table.simulated_hand,
         release=release_entry(path, table.release),
         gauges=gauge_entries(path, table.load_cells, table.inclinometer, robot.n),
     )
 
 
-def calibrated(robot: Robot, tensions: tuple[TensionEntry, ...]) -> Robot:
+def calibrated(robot: Robot, tensions: tuple[TensionTable, ...]) -> Robot:
     """The robot whose winches turn a motor current into tension with the measured gain, where there is one."""
     if robot.winches is None:
         return robot
@@ -83,7 +74,7 @@ def calibrated(robot: Robot, tensions: tuple[TensionEntry, ...]) -> Robot:
     )
 
 
-def _with_gain(winch: WinchTorque, tension: TensionEntry) -> WinchTorque:
+def _with_gain(winch: WinchTorque, tension: TensionTable) -> WinchTorque:
     if tension.gain is None:
         return winch
     return replace(winch, torque_constant=winch.torque_constant * tension.gain / winch.newton_per_ampere)
@@ -171,24 +162,12 @@ def _cable_problems(path: Path, table: RigTable, robot: Robot) -> Iterator[FileE
 
 
 def _winch(path: Path, table: RigWinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
-    eds = None if table.eds == GENERIC else path.parent / table.eds
-    values = table.model_dump(exclude={"eds", "temperature", "sto", "brake_output", "tension", "stop", "encoder"})
+    values = table.model_dump()
+    if table.eds != GENERIC:
+        values["eds"] = str(path.parent / table.eds)
     if home is not None:
         values |= {"home_count": home.home_count, "home_length": home.home_length}
-    tension, stop = TensionEntry(**table.tension.model_dump()), StopEntry(**table.stop.model_dump())
-    temperature = None if table.temperature is None else TemperatureEntry(**table.temperature.model_dump())
-    return WinchEntry(
-        **values,
-        eds=eds,
-        torque_constant=torque_constant,
-        multi_turn=table.encoder == "multi-turn",
-        home=home,
-        temperature=temperature,
-        sto=None if table.sto is None else SignalEntry(**table.sto.model_dump()),
-        brake_output=None if table.brake_output is None else SignalEntry(**table.brake_output.model_dump()),
-        tension=tension,
-        stop=stop,
-    )
+    return WinchEntry(**values, torque_constant=torque_constant, home=home)
 
 
 def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:
@@ -209,8 +188,3 @@ def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:
         transport=table.way,
         unit=UNITS[table.unit],
     )
-
-
-def _guards(table: GuardsTable) -> dict[str, GuardEntry]:
-    entries = table.model_dump()
-    return {name: GuardEntry(GuardReaction(values.pop("reaction")), values) for name, values in entries.items()}

@@ -30,7 +30,7 @@ class ReleaseEntry:
     period: float
     """s between two questions"""
     timeout: float
-    """s"""
+    """s within which a command must be confirmed, and after which an answer is too old"""
     watchdog: float
     """s without a question until the device lets go by itself; what the simulated one does"""
 
@@ -49,6 +49,7 @@ class GaugeEntry:
     port: str
     baud: int
     pattern: str
+    """of a line, see `drivers.serial_line.template`"""
     scale: float
     """SI units for one unit on the wire"""
     offset: float
@@ -60,6 +61,7 @@ class GaugeEntry:
     uncertainty: float
     """SI, standard deviation of a reading's error"""
     ask: bytes = b""
+    """what makes the device send one line; empty where it sends by itself"""
     columns: Mapping[str, str] = field(default_factory=dict[str, str])
     """name of a number in the pattern → column of a window"""
 

@@ -1,17 +1,36 @@
-"""The tables of a rig file ("fidim-rig/1"), as pydantic checks them. `rig_file` turns them into `rig` records."""
+"""The tables of a rig file ("fidim-rig/1"), as pydantic checks them; `rig_file` reads them.
+
+What each key means, and its unit: docs/file-keys.md, from `fidim_lab/app/formats/key_words.toml`.
+"""
 
 import re
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from fidim_lab.data.files.toml_file import NotNegative, Positive, Table
-from fidim_lab.data.rigs.rig import MocapKind
 from fidim_lab.data.rigs.rig_guard_tables import GuardsTable, PlaceTable
 from fidim_lab.data.rigs.rig_serial_tables import InclinometerTable, LoadCellsTable, ReleaseTable, SeveralLoadCells
 
 Name = Annotated[str, Field(min_length=1)]
 Port = Annotated[int, Field(ge=1, le=65535)]
+
+GENERIC = "generic"
+"""the name of the built-in EDS"""
+
+
+class MocapKind(StrEnum):
+    """Ways in which marker positions arrive."""
+
+    VICON_UDP = "vicon-udp"
+    MARKER_TEXT = "marker-text"
+    VICON_DATASTREAM = "vicon-datastream"
+    LSL = "lsl"
+    QTM = "qtm"
+    NATNET = "natnet"
+    OSC = "osc"
+
 
 STANDARD_PORTS = {
     MocapKind.VICON_UDP: 51001,
@@ -49,9 +68,19 @@ class BusTable(Table):
     host_id: Annotated[int, Field(ge=1, le=127)] = 127
     options: dict[str, str | int | float | bool] = Field(default_factory=dict[str, str | int | float | bool])
 
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return f"{self.interface} {self.channel}"
+
 
 class TensionTable(Table):
-    """`tension` of a winch."""
+    """`tension` of a winch: cable tension from the motor current I: gain · I + offset, within ± friction.
+
+    Without a gain the robot file's drum, gear, efficiency and torque constant count. With a scatter, friction is the
+    part that changes sign with the direction D of the last move (+1 paid out):
+    (gain · I + offset + D · friction) / (1 − D · load_friction), within ± scatter.
+    """
 
     gain: Positive | None = None
     offset: float = 0.0

@@ -7,8 +7,9 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.ports import ReleaseState
-from drivers.serial_line.gauge import GaugeConfig, LineGauge
-from drivers.serial_line.release import ReleaseConfig, SerialRelease
+from drivers.serial_line.gauge import LineGauge
+from drivers.serial_line.release import SerialRelease
+from fidim_lab.data.rigs.rig_serial import GaugeEntry, Loading, ReleaseEntry
 from fidim_lab.errors import DeviceError, RefusedError, SetupError
 from sim_backends.serial_devices.gauge import SimulatedGauge
 from sim_backends.serial_devices.pty_line import PtyLine
@@ -52,27 +53,29 @@ def release_pair(folder, *, period=0.05, timeout=0.8, watchdog=0.8):
     words = {"hold": b"ON\r", "release": b"OFF\r", "ask": b"?\r", "holds": "COIL 1", "released": "COIL 0"}
     coil, link = Coil(), folder / "release"
     simulated = SimulatedRelease(link, BAUD, CLOCK, coil, ReleaseTalk(**words), watchdog)
-    driver = SerialRelease(
-        ReleaseConfig(name="release", url=str(link), baud=BAUD, period=period, timeout=timeout, **words), CLOCK
+    entry = ReleaseEntry(
+        port=str(link),
+        baud=BAUD,
+        loading=Loading.BY_HAND,
+        period=period,
+        timeout=timeout,
+        watchdog=watchdog,
+        **words,
     )
-    return simulated, driver, coil
+    return simulated, SerialRelease(entry, CLOCK), coil
 
 
 def gauge_pair(folder, *, rate=50.0, ask=b"", baud=BAUD, line="2.5 kg;1 kg", **more):
     link = folder / "cells"
     simulated = SimulatedGauge(link, baud, CLOCK, rate, lambda: line, ask)
-    config = GaugeConfig(
-        name="load cells",
-        url=str(link),
-        baud=baud,
-        pattern="{1} kg;{2} kg",
-        columns={"1": "f1", "2": "f2"},
-        scale=9.80665,
-        ask=ask,
-        period=1.0 / rate if ask else 0.02,
-        **more,
-    )
-    return simulated, LineGauge(config, CLOCK)
+    entry = cells(str(link), "{1} kg;{2} kg", baud=baud, rate=rate, ask=ask, scale=9.80665, **more)
+    return simulated, LineGauge(entry, CLOCK)
+
+
+def cells(port, pattern, cables=2, **more):
+    columns = {str(cable): f"f{cable}" for cable in range(1, cables + 1)}
+    usual = {"baud": BAUD, "scale": 1.0, "offset": 0.0, "rate": 50.0, "age": 0.5, "uncertainty": 0.0}
+    return GaugeEntry("load cells", port, pattern=pattern, columns=columns, **{**usual, **more})
 
 
 def test_commands_are_confirmed_by_the_state_read_back(tmp_path):
@@ -262,10 +265,9 @@ def test_two_programs_cannot_have_one_line(tmp_path):
 
 def test_a_url_that_pyserial_does_not_know(tmp_path):
     async def run():
-        config = GaugeConfig("cells", "nonsense://x", BAUD, "{1}", {"1": "f1"}, 1.0)
-        with pytest.raises(SetupError, match="cells: port 'nonsense://x' cannot be"):
-            await LineGauge(config, CLOCK).run()
+        with pytest.raises(SetupError, match="load cells nonsense://x: port 'nonsense://x' cannot be"):
+            await LineGauge(cells("nonsense://x", "{1}", 1), CLOCK).run()
         with pytest.raises(SetupError, match=r"must name \{1\}, \{2\}"):
-            LineGauge(GaugeConfig("cells", "x", BAUD, "{1}", {"1": "f1", "2": "f2"}, 1.0), CLOCK)
+            LineGauge(cells("x", "{1}"), CLOCK)
 
     asyncio.run(run())

@@ -46,7 +46,8 @@ def test_wrong_ports_are_refused(text):
 def test_no_step_is_planned_faster_than_a_slow_winch():
     """Trials and slack, too: a drive would refuse the speed, and the check before a run now says so."""
     file = read_rig(RIGS[0])
-    slow = replace(file, winches=tuple(replace(winch, max_speed=0.02, max_acceleration=0.1) for winch in file.winches))
+    weak = {"max_speed": 0.02, "max_acceleration": 0.1}
+    slow = replace(file, winches=tuple(winch.model_copy(update=weak) for winch in file.winches))
     told = rig_settings(slow)
     assert (told.motion.highest_speed, told.motion.highest_acceleration) == (0.02, 0.1)
     assert {told.motion.speed, told.commission.speed, told.taut.speed, told.align.speed} == {0.02}

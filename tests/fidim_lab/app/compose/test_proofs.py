@@ -81,7 +81,7 @@ def test_a_proof_holds_for_its_drive_and_settings(rig, tmp_path):
     config = winch_configs(file)[0]
     assert [(found.trial, found.serial_number) for found in config.proofs] == [(Trial.QUICK_STOP, 77)]
     assert void(proof, file, config) == ""
-    assert "no trial 'dance'" in void(replace(proof, trial="dance"), file, config)
+    assert "no trial 'dance'" in void(proof.model_copy(update={"trial": "dance"}), file, config)
     slower = replace(config, quick_stop_deceleration=1.0)
     assert "6085:0 was" in void(proof, file, slower)
     assert held_proofs(file, slower) == ()

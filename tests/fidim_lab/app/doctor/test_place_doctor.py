@@ -62,7 +62,7 @@ def test_what_cannot_be_compared_is_said(seen, says):
     [((0.2, 6.0), CheckVerdict.OK), ((0.2, 1.7), CheckVerdict.WARNING), ((200.0, 6000.0), CheckVerdict.FAILED)],
 )
 def test_length_limits_fit_the_lengths_with_which_the_robot_rests(limits, verdict):
-    winches = tuple(replace(entry, length_limits=limits) for entry in RIG.winches)
+    winches = tuple(entry.model_copy(update={"length_limits": limits}) for entry in RIG.winches)
     checks = check_reach(replace(RIG, winches=winches))
     assert [check.device for check in checks] == [entry.name for entry in RIG.winches]
     assert {check.verdict for check in checks} == {verdict}
