@@ -68,9 +68,9 @@ outputs: $(TOOLS)
 
 # Pages of docs that are made from the code; tests compare them.
 reference: install
-	$(BIN)/python -m fidim_lab.app.service.reference > docs/messages.md
-	$(BIN)/python -m fidim_lab.app.cli.reference > docs/commands.md
-	$(BIN)/python -m fidim_lab.app.formats.file_keys > docs/file-keys.md
+	$(BIN)/python -m docs.tools.messages > docs/messages.md
+	$(BIN)/python -m docs.tools.commands > docs/commands.md
+	$(BIN)/python -m docs.tools.file_keys > docs/file-keys.md
 
 # The documentation as a site, in an environment of its own: build/site/index.html. A link to nowhere is an error.
 docs: build/docs/.installed

@@ -23,8 +23,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from benchmarks.page import write_section
+from benchmarks.sealed.sizes import EFFECTS
 from benchmarks.separate_page import EVIDENT, IDENTIFY, MORE, VALIDATE, Pair, Row, report
-from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.app.compose import simulated_world
 from fidim_lab.app.formats.explanation_file import as_file, claims_of
 from fidim_lab.app.judging.judgement import HOPEFUL

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.page import table
-from fidim_lab.app.benchmark.statistics import Share
+from benchmarks.sealed.statistics import Share
 from fidim_lab.app.judging.judgement import HOPEFUL
 from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 

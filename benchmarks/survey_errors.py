@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.page import table, write_section
+from benchmarks.sealed.scoring import Marked, grade, grade_without, named
+from benchmarks.sealed.sizes import EFFECTS
 from benchmarks.surveyed import ATTACHMENTS, LARGEST, SMALLEST, with_survey_errors
-from fidim_lab.app.benchmark.scoring import Marked, grade, grade_without, named
-from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.effects.equivalences import GEOMETRY, SHARED

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks import separate
+from benchmarks.sealed.sizes import EFFECTS
 from benchmarks.separate import FAINT, carry_out, hidden_keys, non_centrality, outcome, pairs, read, separated
 from benchmarks.separate_page import EVIDENT, Row, report
-from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.identification.random_plan import random_plan
 
 PAIR = ("rotational-drag", "swivel-damping")

@@ -29,7 +29,6 @@ ALLOWED = {
     "fidim_lab/app/tui/foresee.py": "a line of its own process",
     "fidim_lab/app/session/run_process.py": "the log of a process it began",
     "fidim_lab/app/service/own_process.py": "the same",
-    "fidim_lab/app/benchmark/seal.py": "a copy of a table",
     "fidim_lab/app/service/lock.py": "checks owner and kind of the lock by itself",
     "drivers/mocap/packet_log.py": "writes",
     "drivers/mocap/sender.py": "a table of the kernel, which fidim_lab.data.files.input_file refuses: it has no size",

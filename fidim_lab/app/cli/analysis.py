@@ -168,10 +168,10 @@ def reproduce(recordings: Path | None, **options: Any) -> None:
     """
     if recordings is not None:
         not_with("--recordings", "seed", "noise", "validation")
-        from fidim_lab.app.reproduce.recordings import reproduce_recordings_command
+        from benchmarks.reproduce.recordings import reproduce_recordings_command
 
         sys.exit(reproduce_recordings_command(recordings, options["json_file"]))
-    from fidim_lab.app.reproduce.command import ReproduceOptions, reproduce_command
+    from benchmarks.reproduce.command import ReproduceOptions, reproduce_command
 
     sys.exit(reproduce_command(ReproduceOptions(**options)))
 
@@ -270,7 +270,7 @@ def _scored(effects: tuple[str, ...]) -> None:
 @example("fidim benchmark")
 def benchmark(context: click.Context) -> None:
     """Measure what the tool can do, on campaigns whose truth is sealed. Without a name, list the benchmarks."""
-    from fidim_lab.app.benchmark.command import BENCHMARKS
+    from benchmarks.sealed.command import BENCHMARKS
     from fidim_lab.app.terminal import console
 
     if context.invoked_subcommand is None:
@@ -301,8 +301,8 @@ def benchmark(context: click.Context) -> None:
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
     """Simulate campaigns with secret effects of random size in random robots, explain them blind, score the answers."""
-    from fidim_lab.app.benchmark.cases import EACH
-    from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command
+    from benchmarks.sealed.cases import EACH
+    from benchmarks.sealed.command import BenchmarkOptions, benchmark_command
 
     _scored((options["without"],) if options["without"] not in ("", EACH) else ())
     sys.exit(benchmark_command(BenchmarkOptions(**options)))

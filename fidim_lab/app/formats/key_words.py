@@ -5,8 +5,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from fidim_lab.app.formats.schema_words import range_words
-
+_RANGES = (("exclusiveMinimum", "> "), ("minimum", "≥ "), ("exclusiveMaximum", "< "), ("maximum", "≤ "))
 GUARD = "GuardTable"
 """end of the names of tables that share the words of [rig.guards]"""
 
@@ -49,3 +48,9 @@ def sentence(words: KeyWords, field: dict[str, Any]) -> str:
         for part in (f"[{words.unit}]" if words.unit else "", words.says, f"Allowed: {allowed}." if allowed else "")
         if part
     )
+
+
+def range_words(field: dict[str, Any]) -> str:
+    """What a number is held to, e.g. "≥ 1, ≤ 127"; empty where anything goes."""
+    parts = field.get("anyOf", [field])
+    return ", ".join(f"{sign}{part[key]:g}" for part in parts for key, sign in _RANGES if key in part)

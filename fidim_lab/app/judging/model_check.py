@@ -11,15 +11,12 @@ without it, and that is told.
 """
 
 import asyncio
-import json
-import os
-import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fidim_lab.app.terminal.worker_pipe import LineWorker
 from fidim_lab.mismatch.thresholds import SHARED
 from procedures.events import Event, WindowFinished
 from procedures.outcomes import Outcome
@@ -55,7 +52,7 @@ class ModelCheck:
         self._folder = folder
         self._tell = tell
         self._useful = planned >= SHARED.fewest
-        self._process: asyncio.subprocess.Process | None = None
+        self._worker = LineWorker("-c", COMMAND, str(folder), longest=LINE)
         self._working: asyncio.Task[None] | None = None
         self._waiting = ""
         """the newest window that has not been looked at"""
@@ -78,54 +75,25 @@ class ModelCheck:
             await asyncio.wait({self._working}, timeout=patience)
             self._working.cancel()
             await asyncio.gather(self._working, return_exceptions=True)
-        await self._end_worker()
-
-    async def _end_worker(self) -> None:
-        process, self._process = self._process, None
-        if process is not None:
-            with suppress(ProcessLookupError):
-                process.kill()
-            await process.wait()
+        await self._worker.end()
 
     async def _work(self) -> None:
         """Look until there is no window left that has not been looked at."""
         while self._waiting:
             window, self._waiting = self._waiting, ""
             try:
-                answer = await self._asked(window)
+                answer = await self._worker.answer(window)
                 if "failed" in answer:
                     self._tell(Looked(window, None, (), f"The model could not be checked: {answer['failed']}", 0.0))
                     continue
                 self._tell(_checked(window, answer))
                 if answer.get("full"):
                     self._useful, self._waiting = False, ""
-                    await self._end_worker()
+                    await self._worker.end()
             except (OSError, ValueError) as error:
                 self._useful = False
                 self._tell(Looked(window, None, (), f"The model is no longer checked: {error}.", 0.0))
                 return
-
-    async def _asked(self, window: str) -> dict[str, Any]:
-        if self._process is None:
-            self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-c", COMMAND, str(self._folder)),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.DEVNULL,
-                limit=LINE,
-                start_new_session=True,
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            )
-        process = self._process
-        if process.stdin is None or process.stdout is None:
-            raise ValueError("its process has no pipes")
-        process.stdin.write(f"{window}\n".encode())
-        await process.stdin.drain()
-        line = await process.stdout.readline()
-        if not line:
-            raise ValueError(f"its process ended with exit code {await process.wait()}")
-        answer: dict[str, Any] = json.loads(line)
-        return answer
 
 
 def _checked(window: str, answer: dict[str, Any]) -> Looked:

@@ -15,7 +15,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from fidim_lab.app.terminal.worker_input import requests
+from fidim_lab.app.terminal.worker_pipe import requests
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import FidimError
 from fidim_lab.mismatch.online_monitor import SoFar, Watch

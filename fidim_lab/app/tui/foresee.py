@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fidim_lab.app.terminal.worker_input import requests
+from fidim_lab.app.terminal.worker_pipe import requests
 from fidim_lab.app.tui.foresight import FIRST, MOST
 from fidim_lab.data.campaign import ROBOT
 from fidim_lab.data.plan_file import read_plan

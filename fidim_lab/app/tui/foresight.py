@@ -5,15 +5,13 @@
 
 import asyncio
 import json
-import os
-import sys
 from bisect import bisect_left
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fidim_lab.app.terminal.worker_pipe import LineWorker
 from fidim_lab.app.tui.view import Position, Trace
 
 FIRST = 2.0
@@ -57,7 +55,7 @@ class Foresight:
     def __init__(self) -> None:
         self.found: Foreseen | None = None
         self.doubt = "the model's prediction starts after some seconds"
-        self._process: asyncio.subprocess.Process | None = None
+        self._worker = LineWorker("-m", "fidim_lab.app.tui.foresee", longest=LINE)
         self._asking: asyncio.Task[None] | None = None
         self._asked: tuple[tuple[str, int], float] = (("", 0), 0.0)
 
@@ -66,7 +64,7 @@ class Foresight:
         if folder is None or (self._asking is not None and not self._asking.done()):
             return
         if len(trace.t) < 2:
-            if self._process is None:
+            if not self._worker.begun:
                 self._asking = asyncio.create_task(self.warm(folder))
             return
         of, long = (trace.window, trace.attempt), trace.t[-1] - trace.t[0]
@@ -88,46 +86,21 @@ class Foresight:
         if self._asking is not None:
             self._asking.cancel()
             await asyncio.gather(self._asking, return_exceptions=True)
-        if self._process is not None:
-            with suppress(ProcessLookupError):
-                self._process.kill()
-            with suppress(TimeoutError):  # one that waits for a stalled share does not even end when it is killed
-                await asyncio.wait_for(self._process.wait(), ENDS_WITHIN)
+        await self._worker.end(ENDS_WITHIN)
 
     async def warm(self, folder: Path) -> None:
         """Start the worker, and have it make the model's functions, before they are needed: that takes seconds."""
-        await self._start()
         await self._told(json.dumps({"folder": str(folder)}))
-
-    async def _start(self) -> None:
-        if self._process is None or self._process.returncode is not None:
-            self._process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "fidim_lab.app.tui.foresee",
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.DEVNULL,
-                limit=LINE,
-                start_new_session=True,
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            )
 
     async def _told(self, request: str) -> dict[str, Any]:
         """The worker's answer, or why there is none."""
-        if self._process is None or self._process.stdin is None or self._process.stdout is None:
-            return {"doubt": "its process has not started"}
         try:
-            self._process.stdin.write(request.encode() + b"\n")
-            await self._process.stdin.drain()
-            answer: dict[str, Any] = json.loads(await self._process.stdout.readline())
+            return await self._worker.answer(request)
         except (OSError, ValueError):
             return {"doubt": "its process has ended"}
-        return answer
 
     async def _ask(self, of: tuple[str, int], request: str) -> None:
         self.doubt = "the model's prediction is being computed"
-        await self._start()
         answer = await self._told(request)
         if "doubt" in answer:
             self.doubt = f"no prediction: {answer['doubt']}"

@@ -4,13 +4,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import ConfigDict, ValidationError
 
 from fidim_lab.data.files.input_file import JSON_LIMIT, read_json
 from fidim_lab.data.files.mistakes import first_mistake
 from fidim_lab.errors import FileError
 
 T = TypeVar("T")
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""for a dataclass that a file holds as it is: its `__pydantic_config__`"""
 
 
 def read_json_as(path: Path, validate: Callable[[Any], T], limit: int = JSON_LIMIT) -> T:

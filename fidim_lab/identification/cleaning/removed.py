@@ -6,12 +6,15 @@ import numpy as np
 from jaxtyping import Bool
 
 from fidim_lab.arrays import Series, runs
+from fidim_lab.data.files.json_file import STRICT
 from fidim_lab.data.records import Campaign, Window
 
 
 @dataclass(frozen=True)
 class Removed:
     """A stretch of one window that is not used."""
+
+    __pydantic_config__ = STRICT  # pyright: ignore[reportUnannotatedClassAttribute]
 
     window: str
     """its id"""
@@ -21,10 +24,6 @@ class Removed:
     """a few words, the same for all of one kind: "held or pushed", "straight line" """
     samples: int
     """marker samples that were taken out"""
-
-    def to_json(self) -> dict[str, object]:
-        """As in a result file."""
-        return {"window": self.window, "t": list(self.t), "why": self.why, "samples": self.samples}
 
 
 @dataclass(frozen=True, eq=False)

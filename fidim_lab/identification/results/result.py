@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
+from fidim_lab.data.files.json_file import STRICT
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.equations.estimators import Method
@@ -104,6 +105,8 @@ class InertialParameter:
 class Moved:
     """One piece of the geometry where the recordings have it, against the robot file."""
 
+    __pydantic_config__ = STRICT  # pyright: ignore[reportUnannotatedClassAttribute]
+
     what: str
     """by the key of the robot file's `[survey]`"""
     cable: int | None
@@ -116,6 +119,8 @@ class Moved:
 @dataclass(frozen=True)
 class AnchorByEncoder:
     """What the encoder of one cable says of its anchor, its zero unknown: independent information that no fit uses."""
+
+    __pydantic_config__ = STRICT  # pyright: ignore[reportUnannotatedClassAttribute]
 
     cable: int
     """1-based"""
@@ -153,7 +158,7 @@ class Geometry:
     @property
     def table(self) -> dict[str, Any]:
         """As spec/formats.md has it."""
-        moved = [{"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)} for one in self.moved]
+        moved = [{**vars(one), "by": list(one.by), "sd": list(one.sd)} for one in self.moved]
         encoders = {"encoders": [vars(one) for one in self.encoders]} if self.encoders else {}
         return {"chi2_gain": self.chi2_gain, "moved": moved, **encoders}
 
@@ -300,7 +305,7 @@ class IdentificationResult:
                 for w in self.windows
             ],
             "geometry": None if self.geometry is None else self.geometry.table,
-            "removed": [one.to_json() for one in self.removed],
+            "removed": [{**vars(one), "t": list(one.t)} for one in self.removed],
             "seconds": round(self.seconds, 3),
         }
 

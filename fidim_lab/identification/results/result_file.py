@@ -10,7 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.errors import FileError
-from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.cleaning.removed import Removed
+from fidim_lab.identification.results.result import AnchorByEncoder, IdentificationResult, Moved
 
 
 class _Strict(BaseModel):
@@ -77,47 +78,17 @@ class MassTable(MassEstimateTable):
     payload: PayloadTable
 
 
-class MovedTable(_Strict):
-    """One of `geometry.moved`: a piece of the geometry, m or rad from the robot file's."""
-
-    what: str
-    cable: int | None
-    by: tuple[float, ...]
-    sd: tuple[float, ...]
-
-
-class EncoderTable(_Strict):
-    """One of `geometry.encoders`: what the encoder of a cable says of its anchor, m."""
-
-    cable: int
-    windows: int
-    scatter: float
-    left: float
-    by: tuple[float, float, float]
-    sd: tuple[float, float, float]
-    log_odds: float
-
-
 class GeometryTable(_Strict):
     """`geometry`: what the recordings say of the robot file's geometry."""
 
     chi2_gain: float
-    moved: tuple[MovedTable, ...]
-    encoders: tuple[EncoderTable, ...] = ()
+    moved: tuple[Moved, ...]
+    encoders: tuple[AnchorByEncoder, ...] = ()
 
     @property
     def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:
         """By key and cable, as `survey.as_found` asks for them."""
         return {(one.what, one.cable): one.by for one in self.moved}
-
-
-class RemovedTable(_Strict):
-    """One of `removed`: a stretch of a window that cleaning left out, s on its own clock."""
-
-    window: str
-    t: tuple[float, float]
-    why: str
-    samples: int
 
 
 class DissipationTable(_Strict):
@@ -171,7 +142,7 @@ class ResultTable(_Strict):
     windows: tuple[ResultWindow, ...]
     seconds: Annotated[float, Field(ge=0)]
     geometry: GeometryTable | None = None
-    removed: tuple[RemovedTable, ...] = ()
+    removed: tuple[Removed, ...] = ()
     mass: MassTable | None = None
     joint: JointTable | None = None
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cia402.profile.diagram import page
+from docs.tools.cia402 import page
 from drivers.cia402.profile.machine import CONTROLWORD, PATTERNS, TRANSITIONS, Command, answer, next_command, state_of
 from drivers.ports import DriveState
 
@@ -122,4 +122,4 @@ def test_quick_stop_is_left_without_letting_go_only_where_the_drive_holds() -> N
 
 def test_the_page_in_docs_is_current() -> None:
     file = Path(__file__).parents[4] / "docs" / "cia402.md"
-    assert file.read_text(encoding="utf-8") == page(), "run: python -m drivers.cia402.profile.diagram docs/cia402.md"
+    assert file.read_text(encoding="utf-8") == page(), "run: python -m docs.tools.cia402 docs/cia402.md"

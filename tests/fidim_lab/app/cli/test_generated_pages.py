@@ -9,11 +9,12 @@ from pathlib import Path
 import click
 import pytest
 
+from docs.tools.commands import commands_page
+from docs.tools.file_keys import file_keys_page
+from docs.tools.schema_words import type_words
 from fidim_lab.app.cli import fidim
 from fidim_lab.app.cli.completion import Bash
-from fidim_lab.app.cli.reference import commands_page
-from fidim_lab.app.formats.file_keys import file_keys_page
-from fidim_lab.app.formats.schema_words import range_words, type_words
+from fidim_lab.app.formats.key_words import range_words
 
 DOCS = Path(__file__).parents[4] / "docs"
 

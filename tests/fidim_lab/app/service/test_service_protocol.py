@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from docs.tools.messages import messages_page
 from fidim_lab.app.service.codec import LINE_LIMIT, LineDecoder, MalformedLine, encode
 from fidim_lab.app.service.commands import (
     REASON,
@@ -27,7 +28,6 @@ from fidim_lab.app.service.latch import AT_START, CODE_LIFE, Latch
 from fidim_lab.app.service.messages import TO_CLIENT, Bye, Happening, History, Question, Refusal, Welcome
 from fidim_lab.app.service.process.session import ConversationStage, Lease, ServerSession
 from fidim_lab.app.service.process.stop_keeper import StopKeeper
-from fidim_lab.app.service.reference import messages_page
 from fidim_lab.data.rigs.stop_file import Stopped, stop_path
 
 HELLO = b'{"type":"hello","protocol":"fidim-service/1","client":"me"}\n'
@@ -265,4 +265,4 @@ def until(wanted):
 
 def test_the_page_of_messages_is_that_of_the_models():
     page = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
-    assert page == messages_page(), "python -m fidim_lab.app.service.reference > docs/messages.md"
+    assert page == messages_page(), "python -m docs.tools.messages > docs/messages.md"

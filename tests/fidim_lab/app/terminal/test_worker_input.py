@@ -9,7 +9,7 @@ from contextlib import suppress
 import pytest
 
 WORKER = """
-from fidim_lab.app.terminal.worker_input import requests
+from fidim_lab.app.terminal.worker_pipe import requests
 for line in requests():
     print("took", line, flush=True)
     while line == "for ever":
