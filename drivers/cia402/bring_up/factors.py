@@ -53,10 +53,8 @@ def _speed_unit(told: Told, config: WinchConfig) -> list[SettingCheck]:
     unit, family = speed_unit(told.get((SPEED_UNIT, 0), 0)), config.family
     if not unit:
         return []
-    ours = [config.counts_per_digit(said) for said in family.speeds]
-    found = config.counts_per_digit(unit)
     meaning = f"unit of speeds (family {family.name})"
-    return [SettingCheck("60A9:0", meaning, family.speed, unit, ok=any(abs(found - o) <= ALIKE * o for o in ours))]
+    return [SettingCheck("60A9:0", meaning, family.speed, unit, ok=family.speaks(unit))]
 
 
 def _range(told: Told, config: WinchConfig) -> list[SettingCheck]:

@@ -72,17 +72,6 @@ class WinchCalibration:
     problem: str = ""
     """why it must not be used; empty where it may"""
 
-    def certainly(self, current: float, moved: int = 0) -> tuple[float, float]:
-        """The smallest and the largest tension (N) that are possible at a motor current (A).
-
-        moved: the direction of the last move, +1 paid out, −1 wound, 0 unknown.
-        """
-        tension = self.gain * current + self.offset
-        if moved == 0:
-            return tension - self.friction, tension + self.friction
-        tension = (tension + moved * self.directed) / (1.0 - moved * self.load_friction)
-        return tension - self.scatter, tension + self.scatter
-
 
 def rests_of(robot: Robot, body: Body, windows: Sequence[Window]) -> Rests:
     """The mean currents of windows against the tensions of their rest by mean lengths; windows in order of visit.
