@@ -109,6 +109,15 @@ def _not_made(path: Path, error: OSError) -> SetupError:
     return SetupError(what, hint="Nothing was moved. Give another folder.")
 
 
+def free_folder(name: str) -> Path:
+    """runs/NAME, or the first numbered one that does not exist."""
+    folder, number = Path("runs") / name, 1
+    while folder.exists():
+        number += 1
+        folder = Path("runs") / f"{name}-{number}"
+    return folder
+
+
 def require_new(path: Path) -> None:
     """Raises SetupError where something is there already; an empty folder may be."""
     if path.exists() and (not path.is_dir() or any(path.iterdir())):

@@ -25,7 +25,7 @@ from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import SetupError
 from procedures.protocols.listing import Outline
-from procedures.recording.run_folder import require_new
+from procedures.recording.run_folder import free_folder, require_new
 
 PROCEDURE = "commission"
 
@@ -51,7 +51,7 @@ def commission_command(options: CommissionOptions) -> int:
             hint='Say --by "A. Name".',
         )
     file = read_rig(options.rig)
-    out = (options.out or _free_folder(options.rig)).absolute()
+    out = (options.out or free_folder(f"commission-{options.rig.stem}")).absolute()
     with tempfile.TemporaryDirectory(prefix="fidim-commission-") as folder:
         plan = Path(folder) / "plan.toml"
         write_plan(plan, winch_plan(file))
@@ -92,12 +92,3 @@ def winch_plan(file: RigFile) -> Plan:
 def _id(name: str) -> str:
     """A winch's name as the id of a window, which may be the name of a file."""
     return "".join(letter if letter.isalnum() else "-" for letter in name)
-
-
-def _free_folder(rig: Path) -> Path:
-    """runs/commission-RIG, or the first numbered one that does not exist."""
-    folder, number = Path("runs") / f"commission-{rig.stem}", 1
-    while folder.exists():
-        number += 1
-        folder = Path("runs") / f"commission-{rig.stem}-{number}"
-    return folder

@@ -34,7 +34,7 @@ from procedures.events import Event, RunFinished
 from procedures.guards.robot_guards import LogGuard
 from procedures.protocols.catalogue import experiment as procedure_of
 from procedures.recording.resumption import Resumption, read_resumption
-from procedures.recording.run_folder import one_writer, require_new
+from procedures.recording.run_folder import free_folder, one_writer, require_new
 from procedures.report import RunReport
 from procedures.run import Experiment, run_procedure
 from procedures.settings import MotionSettings, Settings
@@ -51,7 +51,7 @@ def run_dry_run(options: DryRunOptions) -> int:
     robot = read_robot(options.robot or PAPERS_ROBOT)
     if options.robot is not None:
         require_possible(options.robot, robot)
-    folder = options.out or _free_folder(options.seed)
+    folder = options.out or free_folder(f"dry-run-{options.seed}")
     if options.ui:
         from fidim_lab.app.session.ui_dry_run import run_ui_dry_run
 
@@ -248,13 +248,3 @@ def _wall_time() -> str:
     from datetime import UTC, datetime
 
     return datetime.now(UTC).isoformat(timespec="milliseconds")
-
-
-def _free_folder(seed: int) -> Path:
-    """runs/dry-run-SEED, or the first numbered one that does not exist."""
-    folder = Path("runs") / f"dry-run-{seed}"
-    number = 1
-    while folder.exists():
-        number += 1
-        folder = Path("runs") / f"dry-run-{seed}-{number}"
-    return folder

@@ -23,7 +23,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.errors import SetupError
 from procedures.protocols.catalogue import never_asks
 from procedures.protocols.listing import Outline
-from procedures.recording.run_folder import require_new
+from procedures.recording.run_folder import free_folder, require_new
 from procedures.steps import Ask, Step
 
 LISTING = "fidim-listing/1"
@@ -103,7 +103,7 @@ def make_spec(options: RunOptions) -> RunSpec:
     return RunSpec(
         plan=options.plan.absolute(),
         rig=options.rig.absolute(),
-        out=(options.out or _free_folder(options.plan)).absolute(),
+        out=(options.out or free_folder(options.plan.stem)).absolute(),
         procedure=_procedure(options.procedure),
         settings=dict(_setting(text) for text in options.settings),
         embedded=options.embedded,
@@ -210,12 +210,3 @@ def _setting(text: str) -> tuple[str, float]:
     if not math.isfinite(number):
         raise SetupError(f"--set {text}: TABLE.KEY=NUMBER is expected, as record.seconds=8.")
     return key, number
-
-
-def _free_folder(plan: Path) -> Path:
-    """runs/PLAN, or the first numbered one that does not exist."""
-    folder, number = Path("runs") / plan.stem, 1
-    while folder.exists():
-        number += 1
-        folder = Path("runs") / f"{plan.stem}-{number}"
-    return folder
