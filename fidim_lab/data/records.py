@@ -3,7 +3,7 @@
 Files become these in `robot_file` and `campaign`; nothing is validated again after that edge.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import ClassVar
 
@@ -248,6 +248,17 @@ class Window:
     def duration(self) -> float:
         """s"""
         return float(self.t[-1] - self.t[0])
+
+    def of_rows(self, rows: slice | np.ndarray) -> "Window":
+        """Some of its samples: a slice, or a mask or numbers of rows."""
+        return replace(
+            self,
+            t=self.t[rows],
+            markers=self.markers[rows],
+            lengths=None if self.lengths is None else self.lengths[rows],
+            currents=None if self.currents is None else self.currents[rows],
+            further={name: values[rows] for name, values in self.further.items()},
+        )
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ import struct
 
 from drivers.mocap.decoders.decoder import UNLABELLED, DecodedFrame, Event, Malformed, Position, frame_of
 
-COMMAND_PORT = 1510
 CONNECT, SERVER_INFO, FRAME, KEEP_ALIVE = 0, 1, 7, 10
 OLDEST, SIZED = (3, 0), (4, 1)
 """versions: the first that is read, the first whose parts say their size"""

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 from drivers.mocap.decoders.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
 
-DEFAULT_PORT = 51200
 FRAME_ADDRESS = "/frame"
 MARKER_ADDRESS = "/marker/{}"
 DEEPEST = 8

@@ -18,7 +18,6 @@ from html import unescape
 
 from drivers.mocap.decoders.decoder import UNLABELLED, Event, Malformed, Position, frame_of
 
-DEFAULT_PORT = 22223
 ERROR, COMMAND, XML, DATA, EVENT = 0, 1, 2, 3, 6
 LABELLED, WITHOUT_LABEL = 1, 2
 LONGEST = 1 << 24

@@ -17,7 +17,6 @@ from drivers.mocap.decoders.vicon_packets import (
     packet,
 )
 
-DEFAULT_PORT = 801
 WISHES = (
     PacketBlock.STREAM_INFO,
     PacketBlock.SUBJECT_INFO,

@@ -27,7 +27,6 @@ from typing import Protocol
 
 from drivers.mocap.decoders.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
 
-DEFAULT_PORT = 51001
 OBJECT = 0
 OBJECT_SIZE = 72
 

@@ -63,7 +63,7 @@ def _cut_at_jumps(window: Window, robot: Robot) -> tuple[Window, list[str]]:
         + (f" (and {len(jumps) - 1} times more)" if len(jumps) > 1 else "")
         + f". Only {window.t[begin]:.2f} to {window.t[end - 1]:.2f} s are used."
     )
-    return _part(window, slice(begin, end)), [said]
+    return window.of_rows(slice(begin, end)), [said]
 
 
 def _gaps(window: Window) -> np.ndarray:
@@ -102,14 +102,3 @@ def quartic_misfit(steps: np.ndarray, values: np.ndarray) -> float:
     X = np.vander(steps - steps.mean(), 5)
     left = values - X @ np.linalg.lstsq(X, values, rcond=None)[0]
     return float((left**2).sum() / (left.shape[1] * (len(steps) - 5)))
-
-
-def _part(window: Window, rows: slice) -> Window:
-    return replace(
-        window,
-        t=window.t[rows],
-        markers=window.markers[rows],
-        lengths=None if window.lengths is None else window.lengths[rows],
-        currents=None if window.currents is None else window.currents[rows],
-        further={name: values[rows] for name, values in window.further.items()},
-    )

@@ -4,14 +4,12 @@ Measured samples scatter; computed ones lie on their line to the last digit that
 fourth) differences that are zero to the rounding, in all coordinates of a marker at once, does not happen by chance.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import Series, runs
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, counted, without_samples
+from fidim_lab.identification.cleaning.removed import CleanRecordings, without_each
 
 CHANCE = 1e-6
 """of one such run in a window by rounding alone"""
@@ -26,16 +24,8 @@ WHY = "computed from its neighbours"
 
 def without_filled(campaign: Campaign) -> CleanRecordings:
     """Computed samples become missing."""
-    windows: list[Window] = []
-    removed: list[Removed] = []
-    for window in campaign.windows:
-        kept, out = without_samples(window, _filled(window), WHY)
-        windows.append(kept)
-        removed += out
-    if not removed:
-        return CleanRecordings(campaign)
-    notes = counted(tuple(removed), "lie on straight lines or cubics between their neighbours to the last digit")
-    return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), notes)
+    says = "lie on straight lines or cubics between their neighbours to the last digit"
+    return without_each(campaign, _filled, WHY, says)
 
 
 def _filled(window: Window) -> Bool[np.ndarray, "N M"]:

@@ -5,14 +5,13 @@ the last digit more than once, and where the marker is too far away from it just
 """
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, counted, without_samples
+from fidim_lab.identification.cleaning.removed import CleanRecordings, without_each
 
 FAR = 20.0
 """times the median step from sample to sample that a marker jumps to such a value: no swing is so much quicker than
@@ -23,16 +22,8 @@ WHY = "placeholder for a blank"
 def without_placeholders(campaign: Campaign) -> CleanRecordings:
     """Placeholders become missing samples."""
     recurring = _recurring(campaign.windows)
-    windows: list[Window] = []
-    removed: list[Removed] = []
-    for window in campaign.windows:
-        kept, out = without_samples(window, _placeholders(window, recurring), WHY)
-        windows.append(kept)
-        removed += out
-    if not removed:
-        return CleanRecordings(campaign)
-    notes = counted(tuple(removed), "hold (0, 0, 0) or another constant where the marker cannot be")
-    return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), notes)
+    says = "hold (0, 0, 0) or another constant where the marker cannot be"
+    return without_each(campaign, lambda window: _placeholders(window, recurring), WHY, says)
 
 
 def _recurring(windows: tuple[Window, ...]) -> set[tuple[float, ...]]:

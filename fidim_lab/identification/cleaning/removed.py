@@ -1,5 +1,6 @@
 """What cleaning leaves out of a campaign, and the campaign without it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +47,18 @@ def without_samples(window: Window, bad: Bool[np.ndarray, "N M"], why: str) -> t
         return window, ()
     markers = np.where(bad[..., np.newaxis], np.nan, window.markers)
     return replace(window, markers=markers), stretches(window.id, window.t, bad, why)
+
+
+def without_each(
+    campaign: Campaign, bad: Callable[[Window], Bool[np.ndarray, "N M"]], why: str, says: str
+) -> CleanRecordings:
+    """The campaign with the marker samples missing that are `bad` in their window; `says` as `counted` has it."""
+    cleaned = [without_samples(window, bad(window), why) for window in campaign.windows]
+    removed = tuple(one for _, out in cleaned for one in out)
+    if not removed:
+        return CleanRecordings(campaign)
+    windows = tuple(window for window, _ in cleaned)
+    return CleanRecordings(replace(campaign, windows=windows), removed, counted(removed, says))
 
 
 def stretches(window: str, t: Series, bad: Bool[np.ndarray, "N M"], why: str) -> tuple[Removed, ...]:

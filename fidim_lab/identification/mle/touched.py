@@ -140,13 +140,4 @@ def _rms(values: np.ndarray) -> float:
 
 def _between(window: Window, begin: float, end: float) -> Window:
     use = (window.t >= begin) & (window.t <= end)
-    if use.all():
-        return window
-    return replace(
-        window,
-        t=window.t[use],
-        markers=window.markers[use],
-        lengths=None if window.lengths is None else window.lengths[use],
-        currents=None if window.currents is None else window.currents[use],
-        further={name: column[use] for name, column in window.further.items()},
-    )
+    return window if use.all() else window.of_rows(use)

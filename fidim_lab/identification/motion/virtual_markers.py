@@ -171,14 +171,5 @@ def _mean_variances(poses: Mapping[str, SensedPoses], centre: np.ndarray) -> tup
 def _placed(window: Window, found: SensedPoses, body: np.ndarray) -> Window:
     """The window with virtual markers, from its first known pose to its last."""
     known = np.flatnonzero(found.known)
-    kept = slice(known[0], known[-1] + 1)
     markers = found.positions[:, None] + np.einsum("nij,mj->nmi", found.rotations, body)
-    return replace(
-        window,
-        t=window.t[kept],
-        markers=markers[kept],
-        lengths=None if window.lengths is None else window.lengths[kept],
-        currents=None if window.currents is None else window.currents[kept],
-        equilibrium=None,
-        further={name: values[kept] for name, values in window.further.items()},
-    )
+    return replace(window, markers=markers, equilibrium=None).of_rows(slice(known[0], known[-1] + 1))

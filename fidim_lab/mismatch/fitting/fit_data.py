@@ -157,14 +157,7 @@ def shortened(window: Window, seconds: float) -> Window:
     if not len(seen):
         return window
     last = int(np.searchsorted(window.t, window.t[seen[0]] + seconds + 1e-9, side="right"))
-    return replace(
-        window,
-        t=window.t[:last],
-        markers=window.markers[:last],
-        lengths=None if window.lengths is None else window.lengths[:last],
-        currents=None if window.currents is None else window.currents[:last],
-        further={},
-    )
+    return replace(window, further={}).of_rows(slice(last))
 
 
 def _recorded(short: FollowedSamples, window: Window) -> FollowedSamples:

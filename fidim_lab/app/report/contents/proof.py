@@ -4,10 +4,7 @@ Only numbers of the explanation go in (parameters, effects with their θ), so th
 what it claims. Each window's own initial state is fitted, nothing else.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.found_model import Model, body_vector, found_model
@@ -84,9 +81,3 @@ def _predicted(model: Model, window: Window, notes: list[str]) -> Remainder | No
     except RefusedError as refusal:
         notes.append(str(refusal))
         return None
-
-
-def rms(remainders: Sequence[Remainder | None]) -> float | None:
-    """Of all markers that were recorded, m; None of none."""
-    left = [one.residuals[np.isfinite(one.residuals)] for one in remainders if one is not None]
-    return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else None
