@@ -104,6 +104,19 @@ class Step:
         return Result()
 
 
+@dataclass(frozen=True, kw_only=True)
+class LastingStep(Step):
+    """A step that looks at something for a time."""
+
+    over: float
+    """s"""
+
+    @property
+    def seconds(self) -> float:
+        """As long as it looks."""
+        return self.over
+
+
 Steps = Generator[Step, Result, None]
 Procedure = Callable[[], Steps]
 """Makes a fresh generator: the same procedure is read several times (listing, limit check, run)."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from procedures.steps.base import AfterPause, Lengths, Phase, Step
+from procedures.steps.base import AfterPause, LastingStep, Lengths, Phase, Step
 
 if TYPE_CHECKING:  # scipy: a second that a run without excitation need not wait
     from fidim_lab.identification.excitation.seen import SwingOscillations
@@ -78,22 +78,15 @@ class Strokes(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchSwing(Step):
+class WatchSwing(LastingStep):
     """Look at how the platform swings. Values: `swing_values`; FAIL where the marker was seen too seldom."""
 
     swing: "Swing"
-    over: float
-    """s"""
 
     @property
     def text(self) -> str:
         """The step in words."""
         return f"measure for {self.over:g} s how the platform swings"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over
 
 
 @dataclass(frozen=True, kw_only=True)

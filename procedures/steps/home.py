@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from procedures.steps.base import AfterPause, Lengths, Phase, Step
+from procedures.steps.base import AfterPause, LastingStep, Lengths, Phase, Step
 from procedures.steps.person import Ask
 from procedures.steps.window import GiveUp
 
@@ -41,13 +41,11 @@ class GiveUpWithoutPower(GiveUp):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasurePose(Step):
+class MeasurePose(LastingStep):
     """The platform's pose by three or more markers, at rest. Values: the cable lengths that belong to it, m."""
 
     phase: ClassVar[Phase] = Phase.PREPARING
 
-    over: float
-    """s"""
     still: float
     """m, peak to peak of each marker coordinate"""
     misfit: float
@@ -58,14 +56,9 @@ class MeasurePose(Step):
         """The step in words."""
         return f"measure the pose by its markers for {self.over:g} s, fitting within {self.misfit * 1e3:g} mm"
 
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over
-
 
 @dataclass(frozen=True, kw_only=True)
-class SetLengths(Step):
+class SetLengths(LastingStep):
     """Take the encoders' present counts for these cable lengths. Values: by how much each length changes, m."""
 
     phase: ClassVar[Phase] = Phase.PREPARING
@@ -73,18 +66,11 @@ class SetLengths(Step):
 
     lengths: Lengths
     """m"""
-    over: float
-    """s for which the encoders must stand still"""
     still: float
-    """m"""
+    """m within which the encoders must stand meanwhile"""
 
     @property
     def text(self) -> str:
         """The step in words."""
         where = " ".join(f"{length:.4f}" for length in self.lengths) or "(measured)"
         return f"set the encoders' present counts to lengths {where} m"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over

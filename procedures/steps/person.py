@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from drivers.ports import Prompt
-from procedures.steps.base import AfterPause, Phase, Result, Step
+from procedures.steps.base import AfterPause, LastingStep, Phase, Result, Step
 
 SPREAD = 0.15
 """part by which the mean time of a run's answers is off the estimate: 0.89 to 1.10 of it over five dry runs"""
@@ -47,7 +47,7 @@ class Ask(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AwaitHandsOff(Step):
+class AwaitHandsOff(LastingStep):
     """Wait until the marker moves by itself and every tension has margin. FAIL after the time-out.
 
     A hand that goes on moving the platform cannot be told from free motion here; identification finds it afterwards.
@@ -60,8 +60,6 @@ class AwaitHandsOff(Step):
     """m, least peak to peak of the marker's fastest coordinate"""
     limits: tuple[float, float]
     """N"""
-    over: float
-    """s"""
     timeout: float
     """s"""
 
@@ -70,8 +68,3 @@ class AwaitHandsOff(Step):
         """The step in words."""
         low, high = self.limits
         return f"wait until the platform moves freely, with tensions between {low:g} and {high:g} N"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over

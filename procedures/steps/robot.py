@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from procedures.steps.base import AfterPause, Lengths, Phase, Step
+from procedures.steps.base import AfterPause, LastingStep, Lengths, Phase, Step
 
 UNKNOWN_WAY = 0.5
 """m, what the time estimate assumes of a move whose start is not known"""
@@ -118,47 +118,33 @@ class Hold(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReadEncoders(Step):
+class ReadEncoders(LastingStep):
     """Average the encoders and compare with the lengths asked for. Values: mean lengths, m."""
 
     lengths: Lengths
     tolerance: float
     """m"""
-    over: float
-    """s"""
 
     @property
     def text(self) -> str:
         """The step in words."""
         return f"read the encoders for {self.over:g} s, at most {self.tolerance * 1e3:g} mm off"
 
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over
-
 
 @dataclass(frozen=True, kw_only=True)
-class CheckTension(Step):
+class CheckTension(LastingStep):
     """Compare each cable's tension at rest, from the mean motor current, with its limits. Values: tensions, N."""
 
     limits: tuple[float, float]
     """N"""
     tolerance: float
     """part of a limit by which a tension from a motor current may be off"""
-    over: float
-    """s"""
 
     @property
     def text(self) -> str:
         """The step in words."""
         low, high = self.limits
         return f"check every tension: {low:g} to {high:g} N, ±{self.tolerance:.0%} as it comes from motor currents"
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over
 
 
 def longest_way(start: Lengths, end: Lengths) -> float:

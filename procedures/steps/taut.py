@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from procedures.steps.base import AfterPause, Phase, Step
+from procedures.steps.base import AfterPause, LastingStep, Phase, Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class TakeUp(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TakePower(Step):
+class TakePower(LastingStep):
     """Take the power from all winches, and see by their encoders that brakes, or a jig, keep the cables."""
 
     phase: ClassVar[Phase] = Phase.TAKING_UP
@@ -53,10 +53,3 @@ class TakePower(Step):
 
     still: float
     """m by which an encoder may move"""
-    over: float
-    """s"""
-
-    @property
-    def seconds(self) -> float:
-        """Estimate."""
-        return self.over
