@@ -15,8 +15,8 @@ import numpy as np
 
 from fidim_lab.app.records.import_readings import (
     FAR,
+    OTHER_AXES,
     SURVEYED,
-    UPRIGHT,
     PoseReading,
     Track,
     readings_of,
@@ -142,7 +142,7 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     t, even = _even(log, mended.markers)
     _refuse_mirrored(even, body)
     reading, told = _upright(mechanism, log, asked, [(None, *fit_pose(even, body)[:2])])
-    turned = even @ UPRIGHT[reading.up].T
+    turned = even @ reading.turn.T
     positions, rotations, rms = fit_pose(turned, body)
     if _are_solved(turned):
         said = (*said, "markers were computed from a pose: they are rigid to the last digit. Three stand for it")
@@ -257,6 +257,11 @@ def _upright(
     said = asked.up or log.up
     fitting = [reading for reading in readings if reading.up == said] or readings
     best, chosen = readings[0], fitting[0]
+    other = _other_axes(mechanism, tracks, best.varies, asked.up)
+    if other is not None:
+        words = f"with {best.words} cable lengths vary by {best.varies * 1e3:.1f} mm"
+        warning = f"{words}; {other.words} was taken, where they vary by {other.varies * 1e3:.1f} mm"
+        return other, Decision((), (warning,))
     shown = f"cable lengths vary by {chosen.varies * 1e3:.1f} mm (robust sd)"
     wrong = chosen.varies > STRAY >= best.varies or chosen.varies > max(SURVEYED, FAR * best.varies)
     if asked.up is None and said is not None and wrong:
@@ -277,9 +282,26 @@ def _upright(
         warning = f"{shown}; with {best.up} upwards by {best.varies * 1e3:.1f} mm: is --up {best.up} meant?"
         return chosen, Decision(decided, (warning,))
     if chosen.varies > STRAY:
-        warning = f"{shown} though the motors are locked: the motion-capture or body frame is not the robot's"
-        return chosen, Decision(decided, (warning,))
+        what = f"C{shown[1:]} by the poses with {chosen.words}, and in no reading less than {best.varies * 1e3:.1f} mm"
+        what = f"{what}, though the motors are locked: the motion-capture frame or the body frame is not the robot's"
+        raise RefusedError(what, hint="Correct anchors and markers in the robot file, or calibrate the capture frame.")
     return chosen, Decision(decided)
+
+
+def _other_axes(
+    mechanism: Mechanism, tracks: Sequence[Track], varies: float, up: str | None
+) -> PoseReading | None:
+    """The one reading with another heading, or with z downwards, in which lengths stay; None where there are several.
+
+    varies: m, how much they vary in the best of the usual readings; None where that is little. up: as requested.
+    """
+    if varies <= SURVEYED:
+        return None
+    found = sorted(readings_of(mechanism, tracks, OTHER_AXES), key=lambda reading: reading.varies)
+    fitting = [one for one in found if one.up == up or up is None]
+    best = fitting[0].varies
+    fits = best <= SURVEYED and FAR * best < varies and fitting[1].varies > CLEAR * best
+    return fitting[0] if fits else None
 
 
 def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -> None:
@@ -287,7 +309,8 @@ def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -
     other = next((rival for rival in rivals if rival.body is not chosen.body), None)
     if other is not None:
         raise RefusedError(
-            f"Not distinguishable: {chosen.words} fits no better than {other.words}.", hint="Say --body."
+            f"Not distinguishable: {chosen.words} fits no better than {other.words}.",
+            hint="Export rotations as quaternions." if chosen.body and chosen.body.read_as else "Say --body.",
         )
     other = next((rival for rival in rivals if rival.up != chosen.up), None)
     if said is None and other is not None:

@@ -7,12 +7,14 @@ numbers in another order, the rotation the other way round.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations, product
 from types import MappingProxyType
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.arrays import Positions, Rotations
+from fidim_lab.arrays import Matrix3, Positions, Rotations
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import BodyTrack
 from fidim_lab.errors import FidimError, InfeasibleError, RefusedError
@@ -26,6 +28,13 @@ UPRIGHT = MappingProxyType(
     }
 )
 """by the axis that points upwards in the file: what turns it to z"""
+OTHER_AXES = tuple(
+    turn
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    if np.linalg.det(turn := np.eye(3)[list(order)] * np.array(signs)[:, np.newaxis]) > 0.0
+    and not any(np.array_equal(turn, known) for known in UPRIGHT.values())
+)
+"""the other 21 turns by right angles: another heading, z downwards"""
 UNITS = ("m", "mm", "cm", "in")
 """of length, that are tried"""
 SURVEYED = 1e-3
@@ -34,6 +43,9 @@ FAR = 5.0
 """times as much do they vary in a wrong reading, at least: a wrong axis made 4 to 10 mm of 0.1"""
 FEW = 2000
 """samples are enough to see whether lengths vary"""
+PIECES = 8
+"""of a take, in each of which lengths are compared: hands and motors may move the platform between two releases. Of 12 s
+each has most of a swing, of 50 s with four releases most have nothing else"""
 
 Track = tuple[BodyTrack | None, Positions, Rotations]
 
@@ -42,7 +54,8 @@ Track = tuple[BodyTrack | None, Positions, Rotations]
 class PoseReading:
     """One way to read the poses of a file, and how much the cable lengths vary in it."""
 
-    up: str
+    turn: Matrix3
+    """file's axes → robot's axes"""
     positions: Positions
     rotations: Rotations
     varies: float
@@ -52,38 +65,68 @@ class PoseReading:
     """whether the body's own axes are named like the file's, too"""
 
     @property
+    def up(self) -> str:
+        """The axis of the file that points upwards, such as "y" or "-y"."""
+        return self._axes[2]
+
+    @property
     def words(self) -> str:
         """For a person."""
-        axes = ", its own axes too" if self.turned else ""
-        return f"{self.up} upwards{axes}" + (f" for body {self.body.name}" if self.body else "")
+        usual = np.array_equal(self.turn, UPRIGHT.get(self.up))
+        axes = f"{self.up} upwards" if usual else f"the file's {', '.join(self._axes)} as the robot's x, y, z"
+        axes += ", its own axes too" if self.turned else ""
+        if self.body is None:
+            return axes
+        return f"{axes} for body {self.body.name}" + (f", {self.body.read_as}" if self.body.read_as else "")
+
+    @property
+    def _axes(self) -> tuple[str, ...]:
+        """Of the file, that are the robot's x, y, z."""
+        return tuple(f"{'-' if row.sum() < 0.0 else ''}{'xyz'[int(np.argmax(np.abs(row)))]}" for row in self.turn)
 
 
-def readings_of(mechanism: Mechanism, tracks: Sequence[Track]) -> Iterator[PoseReading]:
-    """Every upward axis, with the body's own axes named alike or not."""
+def readings_of(
+    mechanism: Mechanism, tracks: Sequence[Track], turns: Sequence[Matrix3] = tuple(UPRIGHT.values())
+) -> Iterator[PoseReading]:
+    """Every one of these axes, by default every upward one, with the body's own axes named alike or not."""
     for body, positions, rotations in tracks:
-        for up, turn in UPRIGHT.items():
+        for turn in turns:
             where, turned = positions @ turn.T, turn @ rotations
-            yield PoseReading(up, where, turned, _varies(mechanism, where, turned), body)
-            if body is not None and up != "z":
+            yield PoseReading(turn, where, turned, _varies(mechanism, where, turned), body)
+            if body is not None and not np.array_equal(turn, np.eye(3)):
                 own = turned @ turn.T
-                yield PoseReading(up, where, own, _varies(mechanism, where, own), body, turned=True)
+                yield PoseReading(turn, where, own, _varies(mechanism, where, own), body, turned=True)
 
 
 def _varies(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> float:
-    """m, robust standard deviation of the cable lengths by these poses, rms over the cables; inf with too few of them.
+    """m, robust standard deviation of the cable lengths by these poses, rms over the cables, where it is least.
 
-    A body that stands still is seen once, and lengths of one sample do not vary.
+    Of the pieces of the take, the quarter counts in which lengths vary least beside the motion: a hand that carries the
+    platform slackens cables. inf with too few poses, and where the platform moves no more than lengths may vary: those
+    of a body that stands still stay in every reading.
     """
     known = np.flatnonzero(np.isfinite(positions).all(axis=1))
     some = known[:: max(1, len(known) // FEW)]
     if len(some) < MIN_FRAMES:
         return float("inf")
+    where, turned = positions[some], rotations[some]
     try:
-        lengths = mechanism.lengths(positions[some], rotations[some])
+        lengths = mechanism.lengths(where, turned)
     except (InfeasibleError, FidimError):
         return float("inf")
-    away = 1.4826 * np.median(np.abs(lengths - np.median(lengths, axis=0)), axis=0)
-    return float(np.sqrt(np.mean(away**2))) if np.isfinite(away).all() else float("inf")
+    ends = np.concatenate([where + turned @ cable.a for cable in mechanism.robot.cables], axis=1)
+    pieces = np.array_split(np.arange(len(some)), PIECES)
+    varies, moves = (np.array([_spread(columns[piece]) for piece in pieces]) for columns in (lengths, ends))
+    free = np.flatnonzero(moves > SURVEYED)
+    least = free[np.argsort(varies[free] / moves[free])][: PIECES // 4]
+    found = float(np.mean(varies[least])) if len(least) else float("inf")
+    return found if np.isfinite(found) else float("inf")
+
+
+def _spread(columns: Float[np.ndarray, "N K"]) -> float:
+    """Robust standard deviation, rms over the columns."""
+    away = 1.4826 * np.median(np.abs(columns - np.median(columns, axis=0)), axis=0)
+    return float(np.sqrt(np.mean(away**2)))
 
 
 def refuse_misread(mechanism: Mechanism, tracks: Sequence[Track], scale: float, varies: float) -> None:

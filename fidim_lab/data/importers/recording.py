@@ -22,6 +22,8 @@ class BodyTrack:
     """(N, 3) motion-capture world frame, m; NaN where the body was not seen"""
     rotations: Rotations
     """(N, 3, 3) body → world"""
+    read_as: str = ""
+    """in which of several ways its rotations are read, where the file does not say it: other tracks have its name"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ is a FileError with the line it is in.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from fidim_lab.data.importers.reading.cells import (
 )
 from fidim_lab.data.importers.reading.clock import ONE_TAKE, header_rate
 from fidim_lab.data.importers.reading.labels import apart
-from fidim_lab.data.importers.reading.poses import by_quaternions
+from fidim_lab.data.importers.reading.poses import by_angles, by_quaternions
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 
@@ -38,8 +39,10 @@ HEADER_LINES = 5
 FRAME_COLUMNS = 2
 """Frame, Sub Frame"""
 MARKERS, BODIES = "Trajectories", ("Objects", "Segments")
-QUATERNION = ["RX", "RY", "RZ", "RW", "TX", "TY", "TZ"]
+QUATERNION, ANGLES = ["RX", "RY", "RZ", "RW", "TX", "TY", "TZ"], ["RX", "RY", "RZ", "TX", "TY", "TZ"]
 """columns of a body"""
+RADIANS = MappingProxyType({"rad": 1.0, "radians": 1.0, "deg": np.pi / 180, "degrees": np.pi / 180, "°": np.pi / 180})
+"""in one unit of angles"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,28 +214,35 @@ def _scale(block: ExportBlock, markers: int) -> float:
 
 
 def _only_bodies(block: ExportBlock, rate: float) -> MarkerLog:
-    """Rigid bodies of Tracker's export, whose rotations are quaternions."""
+    """Rigid bodies of Tracker's and Nexus' export, whose rotations are quaternions or three angles."""
     axes = [cell.strip() for cell in block.lines[3]][FRAME_COLUMNS:]
     while axes and not axes[-1]:
         axes.pop()
-    count = len(axes) // len(QUATERNION)
-    if not count or axes != QUATERNION * count:
+    kind = next((one for one in (QUATERNION, ANGLES) if axes and axes == one * (len(axes) // len(one))), None)
+    if kind is None:
         what = f"columns {' '.join(axes)[:60]}; {' '.join(QUATERNION)} for each object were expected."
-        hint = "Export rotations as quaternions: the order of other angles is not in the file."
-        raise FileError(block.path, block.line(4), what, hint=hint)
-    names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS :: len(QUATERNION)]][:count]
-    if len(set(names)) < count or not all(names):
+        raise FileError(block.path, block.line(4), what, hint="Export rotations as quaternions, or as three angles.")
+    width = len(kind)
+    names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS::width]][: len(axes) // width]
+    if len(set(names)) < len(names) or not all(names):
         raise FileError(block.path, block.line(3), "an object without a name, or one name twice")
-    units = {cell.strip().lower() for cell in block.lines[4] if cell.strip()} & LENGTH_UNITS.keys()
-    if len(units) != 1:
+    units = {cell.strip().lower() for cell in block.lines[4] if cell.strip()}
+    lengths, angles = units & LENGTH_UNITS.keys(), units & RADIANS.keys()
+    if len(lengths) != 1:
         raise FileError(block.path, block.line(5), "no unit of length, or two; mm or m was expected")
-    (unit,) = units
+    if kind is ANGLES and len(angles) != 1:
+        raise FileError(block.path, block.line(5), "no unit of angles, or two; deg or rad was expected")
+    (unit,) = lengths
     scale = LENGTH_UNITS[unit]
-    rows = _rows(block, FRAME_COLUMNS + len(axes), len(QUATERNION), rate)
-    parts = rows.values.reshape(len(rows.values), count, len(QUATERNION))
+    rows = _rows(block, FRAME_COLUMNS + len(axes), width, rate)
+    parts = rows.values.reshape(len(rows.values), len(names), width)
     bodies: list[BodyTrack] = []
     for k, name in enumerate(names):
-        bodies.append(by_quaternions(block.path, name, scale * parts[:, k, 4:], parts[:, k, :4]))
+        places, turns = scale * parts[:, k, width - 3 :], parts[:, k, : width - 3]
+        if kind is QUATERNION:
+            bodies.append(by_quaternions(block.path, name, places, turns))
+        else:
+            bodies += by_angles(block.path, name, places, turns * RADIANS[next(iter(angles))])
     t = (rows.frames - rows.frames[0]) / rows.rate
     said = (f"objects in {unit} at {rows.rate:g} Hz, as the header says",)
     return MarkerLog(block.path, (), rows.rate, t, np.zeros((len(t), 0, 3)), scale, "z", said, tuple(bodies))

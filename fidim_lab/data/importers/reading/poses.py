@@ -1,5 +1,7 @@
 """Rigid bodies of exports: rotations from quaternions or matrices, NaN where the body was not seen."""
 
+from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,25 @@ def by_matrices(path: Path, name: str, positions: Positions, matrices: Rotations
     turned = Rotation.from_matrix(known).as_matrix()
     rotations = np.where(seen[:, None, None], turned, np.nan)
     return BodyTrack(name, np.where(seen[:, None], positions, np.nan), rotations)
+
+
+def by_angles(path: Path, name: str, positions: Positions, angles: Float[np.ndarray, "N 3"]) -> tuple[BodyTrack, ...]:
+    """A body from places, m, and three numbers for x, y, z, rad, whose meaning the file does not say: in every way.
+
+    About the body's own axes in each order (about fixed axes it is the reverse order), or one rotation vector.
+    """
+    seen = np.isfinite(positions).all(axis=1) & np.isfinite(angles).all(axis=1)
+    found: list[BodyTrack] = []
+    for order in ("", *map("".join, permutations("XYZ"))):
+        rotations = np.full((len(angles), 3, 3), np.nan)
+        if seen.any():
+            sorted_ = angles[seen][:, ["XYZ".index(axis) for axis in order]] if order else angles[seen]
+            turned = Rotation.from_euler(order, sorted_) if order else Rotation.from_rotvec(sorted_)
+            rotations[seen] = turned.as_matrix()
+        words = f"angles about its own {', '.join(order)} in turn" if order else "angles as a rotation vector"
+        track = by_matrices(path, name, positions, rotations)
+        found.append(replace(track, read_as=words))
+    return tuple(found)
 
 
 def _refuse(path: Path, name: str, wrong: np.ndarray, what: str) -> None:

@@ -1,0 +1,50 @@
+"""Frames that repeat the one before: a slow camera in a faster file, frames that a stream lost.
+
+The first of equal frames was measured when its time says, the others later than they were: they become missing.
+Measured frames are equal only by rounding, and then single coordinates are equal far more often. A place that is held
+for longer is a fault of its own, which screening names.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool
+
+from fidim_lab.arrays import runs
+from fidim_lab.data.missing import FEWEST_HELD
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, counted, without_samples
+
+BY_CHANCE = 0.05
+"""share of the repeated frames of a window that rounding may make"""
+WHY = "repeats the frame before"
+
+
+def without_repeated(campaign: Campaign) -> CleanRecordings:
+    """Repeated frames become missing samples."""
+    windows: list[Window] = []
+    removed: list[Removed] = []
+    for window in campaign.windows:
+        kept, out = without_samples(window, _repeated(window), WHY)
+        windows.append(kept)
+        removed += out
+    if not removed:
+        return CleanRecordings(campaign)
+    notes = counted(tuple(removed), "repeat the frame before to the last digit")
+    return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), notes)
+
+
+def _repeated(window: Window) -> Bool[np.ndarray, "N M"]:
+    frames = window.markers.reshape(len(window.t), -1)
+    seen = np.isfinite(frames)
+    equal = np.zeros(frames.shape, dtype=bool)
+    equal[1:] = (frames[1:] == frames[:-1]) & seen[1:]
+    whole = np.asarray((equal == seen).all(axis=1) & seen.any(axis=1))
+    whole[:1] = False
+    either = ~whole[:, np.newaxis] & seen
+    chance = (1 + (equal & either).sum(axis=0)) / (1 + either.sum(axis=0))
+    if len(frames) * float(np.prod(chance)) > BY_CHANCE * whole.sum():
+        return np.zeros(window.markers.shape[:2], dtype=bool)
+    for begin, end in runs(whole):
+        whole[begin:end] = end - begin + 1 < FEWEST_HELD
+    return whole[:, np.newaxis] & np.isfinite(window.markers).all(axis=2)
