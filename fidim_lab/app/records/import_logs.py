@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
+from pathlib import Path
 
 import numpy as np
 
@@ -27,15 +28,18 @@ COVERED = 0.5
 
 
 def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take, ...], tuple[str, ...]]:
-    """Takes with their logs, by name (the same stem, or the same numbers in it), else by clock; and logs of no take.
+    """Takes with their logs, by name (the same stem, or the same words or numbers in it), else by clock.
 
-    A log by clock may serve several takes. Raises SetupError where two logs fit one take by name.
+    And the logs of no take. A log by clock may serve several takes. Words that all takes, or all logs, have in their
+    names do not count. Raises SetupError where two logs fit one take by name.
     """
     matched: list[Take] = []
     used: set[int] = set()
-    for take in takes:
+    own_of_takes, own_of_logs = (_own_words([one.stem for one in sources]) for sources in _sources(takes, logs))
+    for take, own in zip(takes, own_of_takes, strict=True):
         stem = take.markers.source.stem
         fitting = [k for k, log in enumerate(logs) if log.source.stem == stem]
+        fitting = fitting or [k for k, words in enumerate(own_of_logs) if own and words == own]
         fitting = fitting or [
             k for k, log in enumerate(logs) if _numbers(stem) and _numbers(log.source.stem) == _numbers(stem)
         ]
@@ -48,6 +52,17 @@ def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take
         used.update(fitting)
         matched.append(replace(take, log=logs[fitting[0]]) if fitting else take)
     return tuple(matched), tuple(log.source.name for k, log in enumerate(logs) if k not in used)
+
+
+def _sources(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[list[Path], list[Path]]:
+    return [take.markers.source for take in takes], [log.source for log in logs]
+
+
+def _own_words(stems: Sequence[str]) -> list[tuple[str, ...]]:
+    """Of each name, the words that not all of them have."""
+    split = [re.findall(r"[a-z0-9]+", stem.lower()) for stem in stems]
+    common = set(split[0]).intersection(*split[1:]) if split else set[str]()
+    return [tuple(word for word in words if word not in common) for words in split]
 
 
 def _numbers(stem: str) -> tuple[int, ...]:

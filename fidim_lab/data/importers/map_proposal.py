@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fidim_lab.data.importers.reading.cells import cells_of, decimal_of, delimiter_of, is_dated, read_export
+from fidim_lab.data.importers.reading.cells import cells_of, decimal_of, delimiter_of, is_dated, is_number, read_export
 from fidim_lab.data.importers.reading.columns import COMMENTS, EXCEL, TOP, Column, without_mark
 from fidim_lab.errors import FileError
 
@@ -95,18 +95,21 @@ def _groups(names: Sequence[str]) -> tuple[dict[str, list[Column]], Mapping[str,
     return places, {owner: by_owner[PART.sub("", owner)] for owner in places if PART.sub("", owner) in by_owner}
 
 
-def _names(above: Sequence[Sequence[str]], width: int) -> list[str]:
-    """The line above the numbers that names the columns: of those with a word in each, the one with most of its own."""
+def _names(above: Sequence[Sequence[str]], width: int) -> list[Column]:
+    """The line above the numbers that names the columns: of those with a word in each, the one with most of its own.
+
+    The first column may have none (an index), and the last (a delimiter ends each line): their numbers stand for them.
+    """
     rows = [[cell.strip() for cell in without_mark(cells)] for cells in above]
-    named = [row for row in rows if len(row) == width and all(row)]
+    named = [row for row in rows if len(row) == width and all(row[1:-1])]
     best = max(named, key=lambda row: len(set(row)), default=[])
-    return best if len(set(best)) == width else []
+    return [name or k for k, name in enumerate(best, start=1)] if len(set(best)) == width else []
 
 
 def _words(cells: Sequence[str], decimal: str) -> frozenset[int]:
     """Which cells of a row are words: neither a number, a time nor blank."""
     plain = [cell.strip().strip('"') for cell in cells]
-    return frozenset(k for k, cell in enumerate(plain) if cell and not _is_number(cell, decimal) and not is_dated(cell))
+    return frozenset(k for k, cell in enumerate(plain) if cell and not is_number(cell, decimal) and not is_dated(cell))
 
 
 def _is_data(cells: Sequence[str], decimal: str, words: frozenset[int]) -> bool:
@@ -114,11 +117,3 @@ def _is_data(cells: Sequence[str], decimal: str, words: frozenset[int]) -> bool:
     filled = sum(bool(cell.strip()) for cell in cells)
     own = _words(cells, decimal)
     return filled - len(own) >= 4 and own <= words and not cells[0].lstrip().startswith(COMMENTS)
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        float(text.replace(decimal, "."))
-    except ValueError:
-        return False
-    return True

@@ -20,10 +20,12 @@ DELIMITERS = "\t;,"
 SPACES = " "
 """as a delimiter: any number of blanks"""
 COMMA, POINT = (
-    re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE),
-    re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.IGNORECASE),
+    re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+),\d+(e[+-]?\d+)?", re.IGNORECASE),
+    re.compile(r"[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?", re.IGNORECASE),
 )
-"""whole cells that are numbers with that decimal sign"""
+"""whole cells that are numbers with that decimal sign, the other one or none between thousands"""
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?P<mark>[,.' \u2019\u00a0\u202f])\d{3})(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
+"""a number with marks between thousands and a decimal sign: without one, "1,234" may mean either"""
 TWICE_ENDED = re.compile(r"\r+\n")
 """a line's end as Python's csv on Windows writes it"""
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
@@ -160,7 +162,7 @@ def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
     text = cell.strip().strip('"')
     if text.lower() in MISSING or NO_NUMBER.fullmatch(text):
         return math.nan
-    plain = text if decimal == "." else text.replace(".", "?").replace(decimal, ".")
+    plain = _plain(text, decimal)
     try:
         value = float(plain) if plain.isascii() and "_" not in plain else math.inf
     except ValueError:
@@ -168,6 +170,23 @@ def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
     if not math.isfinite(value):
         raise FileError(path, f"line {line}, column {column}", f"{text[:40]!r} is not a number")
     return value
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number with this decimal sign."""
+    try:
+        float(_plain(cell.strip().strip('"'), decimal))
+    except ValueError:
+        return False
+    return True
+
+
+def _plain(text: str, decimal: str) -> str:
+    """A number without marks between thousands, and with a decimal point."""
+    grouped = THOUSANDS.fullmatch(text)
+    if grouped and grouped["decimal"] == decimal != grouped["mark"]:
+        text = text.replace(grouped["mark"], "")
+    return text if decimal == "." else text.replace(".", "?").replace(decimal, ".")
 
 
 def length_scale(path: Path, where: str, unit: str) -> float:

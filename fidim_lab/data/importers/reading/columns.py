@@ -17,6 +17,7 @@ from fidim_lab.data.importers.reading.cells import (
     decimal_of,
     delimiter_of,
     is_dated,
+    is_number,
     moment,
     number,
     read_export,
@@ -142,9 +143,4 @@ def _place(path: Path, header: Sequence[str], column: Column, wanted_by: str) ->
 def _is_time(cells: Sequence[str], at: int, decimal: str) -> bool:
     if at >= len(cells) or "".join(cells).lstrip().startswith(COMMENTS):
         return False
-    text = cells[at].strip().strip('"')
-    try:
-        float(text.replace(decimal, "."))
-    except ValueError:
-        return is_dated(text)
-    return True
+    return is_number(cells[at], decimal) or is_dated(cells[at])
