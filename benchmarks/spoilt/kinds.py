@@ -6,7 +6,7 @@ from benchmarks.spoilt import headers, motion, samples
 from benchmarks.spoilt.spoiling import Kind, each
 
 FRAME = ("frame", "axes")
-HAND = ("not free", "a hand", "dies out")
+HAND = ("not free", "a hand", "motion decays")
 GAPS = ("count as missing", "displaced or frozen", "repeats its value", "straight lines")
 STAMPS = ("times of arrival", "time stamps")
 FILTER = ("low-passed",)
@@ -20,7 +20,7 @@ KINDS: Sequence[Kind] = (  # in the order in which they come about
     Kind("caught at end", clean=each(motion.caught, 0.7), words=HAND),
     Kind("braked at end", clean=each(motion.braked, 0.7), words=HAND),
     Kind("second release", clean=each(motion.second_release, 0.4), words=HAND),
-    Kind("another body in one window", words=("nother body",), alone=True),
+    Kind("another body in one window", words=("nother body", "body was changed"), alone=True),
     Kind("spikes", noisy=each(samples.spikes), words=("off its neighbours",)),
     Kind("blanks", noisy=each(samples.unseen), words=GAPS),
     Kind("(0, 0, 0)", noisy=each(samples.zeros), words=GAPS),
@@ -28,6 +28,7 @@ KINDS: Sequence[Kind] = (  # in the order in which they come about
     Kind("gaps by lines", noisy=each(samples.gaps("linear")), words=GAPS),
     Kind("gaps by cubics", noisy=each(samples.gaps("cubic")), words=GAPS),
     Kind("gaps held", noisy=each(samples.gaps("held")), words=GAPS),
+    Kind("frames repeated", noisy=samples.repeated, words=GAPS),
     Kind("upsampled", noisy=samples.upsampled, words=(*FILTER, *GAPS)),
     Kind("rows twice", noisy=each(samples.duplicated), words=("repeats",), alone=True),
     Kind("low-pass, causal", noisy=samples.filtered(causal=True), words=FILTER),
@@ -46,5 +47,5 @@ KINDS: Sequence[Kind] = (  # in the order in which they come about
     Kind("no lengths", noisy=each(samples.without_lengths, 2.0), words=("lengths",)),
     Kind("yaw only", yaw=True, alone=True),
     Kind("yaw only, several lengths", yaw=True, alone=True),
-    Kind("yaw only, dying out", yaw=True, words=("dies out",), alone=True),
+    Kind("yaw only, dying out", yaw=True, words=("motion decays",), alone=True),
 )

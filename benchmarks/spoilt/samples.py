@@ -55,6 +55,21 @@ def upsampled(campaign: Campaign, rng: Draw) -> Campaign:
     return replace(campaign, windows=tuple(between(w) for w in campaign.windows))
 
 
+def repeated(campaign: Campaign, rng: Draw) -> Campaign:
+    """Frames that a stream lost, or that a slow camera has not: the one before stands there again."""
+    every = int(rng.integers(2, 4)) if rng.random() < 0.5 else None
+    share = rng.uniform(0.005, 0.1)
+
+    def again(window: Window) -> Window:
+        n = len(window.t)
+        known = np.arange(n) % every == 0 if every else rng.random(n) > share
+        known[0] = True
+        last = np.maximum.accumulate(np.where(known, np.arange(n), 0))
+        return replace(window, markers=window.markers[last])
+
+    return replace(campaign, windows=tuple(again(w) for w in campaign.windows))
+
+
 def filtered(*, causal: bool) -> Spoil:
     def spoil(campaign: Campaign, rng: Draw) -> Campaign:
         b, a = butter(int(rng.choice([2, 4])), rng.uniform(4.0, 15.0), fs=campaign.sample_rate)

@@ -44,8 +44,8 @@ FAR = 5.0
 FEW = 2000
 """samples are enough to see whether lengths vary"""
 PIECES = 8
-"""of a take, in each of which lengths are compared: hands and motors may move the platform between two releases. Of 12 s
-each has most of a swing, of 50 s with four releases most have nothing else"""
+"""of a take, in each of which lengths are compared: hands and motors may move the platform between two releases. Of
+12 s each has most of a swing, of 50 s with four releases most have nothing else"""
 
 Track = tuple[BodyTrack | None, Positions, Rotations]
 

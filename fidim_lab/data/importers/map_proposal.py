@@ -102,8 +102,9 @@ def _names(above: Sequence[Sequence[str]], width: int) -> list[Column]:
     """
     rows = [[cell.strip() for cell in without_mark(cells)] for cells in above]
     named = [row for row in rows if len(row) == width and all(row[1:-1])]
-    best = max(named, key=lambda row: len(set(row)), default=[])
-    return [name or k for k, name in enumerate(best, start=1)] if len(set(best)) == width else []
+    best: list[Column] = [*max(named, key=lambda row: len(set(row)), default=[])]
+    best = [name or k for k, name in enumerate(best, start=1)]
+    return best if len(set(best)) == width else []
 
 
 def _words(cells: Sequence[str], decimal: str) -> frozenset[int]:

@@ -56,7 +56,8 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
         ((_misfit(change, sample, unchanged), change) for change in robot_changes(robot)), key=lambda pair: pair[0]
     )
     fitted: list[tuple[float, Change]] = []
-    if not _cures(before, tried[0][0]):  # what people mix up comes first: what is fitted to the data fits better still
+    # What people mix up comes first where it leaves little: what is fitted to the data fits better still.
+    if not _cures(before, tried[0][0]) or tried[0][0] > DATA_CHECKS.robot_mistakes_part:
         fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
         tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
@@ -65,7 +66,8 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     def doubtful(after: float) -> bool:
         return before < DATA_CHECKS.robot_mistakes_fitted and after > DATA_CHECKS.robot_mistakes_noise * noise
 
-    if _cures(before, best):
+    open_ = len(fitted) < len(PLACED)
+    if _cures(before, best) and not (open_ and best > DATA_CHECKS.robot_mistakes_part):
         return tuple(
             replace(_mistake(change, before, after), doubtful=(after, change) in fitted and doubtful(after))
             for after, change in tried[:3]
@@ -73,7 +75,7 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
         )
     if before <= DATA_CHECKS.hopeless:
         return ()
-    return (_uncured(tried[0][1], before, best, len(tried), open_=len(fitted) < len(PLACED)),)
+    return (_uncured(tried[0][1], before, best, len(tried), open_=open_),)
 
 
 def _hanging(unchanged: Mechanism, sample: PoseSamples) -> float:

@@ -24,7 +24,7 @@ COMMA, POINT = (
     re.compile(r"[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?", re.IGNORECASE),
 )
 """whole cells that are numbers with that decimal sign, the other one or none between thousands"""
-THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?P<mark>[,.' \u2019\u00a0\u202f])\d{3})(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?P<mark>[,.' \u2019\u00a0\u202f])\d{3}(?:(?P=mark)\d{3})*(?P<decimal>[.,])\d+")
 """a number with marks between thousands and a decimal sign: without one, "1,234" may mean either"""
 TWICE_ENDED = re.compile(r"\r+\n")
 """a line's end as Python's csv on Windows writes it"""

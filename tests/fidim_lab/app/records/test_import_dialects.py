@@ -82,6 +82,22 @@ def colons(swing: Swing) -> str:
     )
 
 
+def thousands(swing: Swing, decimal: str) -> str:
+    """Marks between thousands, an index, an event now and then, and a delimiter at each line's end."""
+    marks = str.maketrans(",.", ".,") if decimal == "," else {}
+    names = [f"p{m}{axis}" for m in range(5) for axis in "xyz"]
+    rows = ["\t".join(["", "time", *names, "event", ""])]
+    for k, (t, places) in enumerate(zip(swing.t, 1e3 * swing.markers.reshape(len(swing.t), -1), strict=True)):
+        numbers = [f"{x:,.4f}".translate(marks) for x in (t, *places)]
+        rows.append("\t".join([str(k), *numbers, "let go" if k == 100 else "", ""]))
+    return joined(["# one take", *rows[:200], "# a remark", *rows[200:]])
+
+
+HEADING = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""y upwards, with the robot's x as z"""
+DOWNWARDS = np.diag([1.0, -1.0, -1.0])
+
+
 READ: dict[str, tuple[str, Callable[[Swing], str]]] = {
     "Nexus 1": ("vicon-csv", nexus_1),
     "Nexus 1 with units": ("vicon-csv", lambda swing: nexus_1(swing, "mm")),
@@ -94,6 +110,10 @@ READ: dict[str, tuple[str, Callable[[Swing], str]]] = {
     "ISO without signs": ("csv", lambda swing: joined(table(swing, "%Y%m%dT%H%M%S.%f"))),
     "slashes, year first": ("csv", lambda swing: joined(table(swing, "%Y/%m/%d %H:%M:%S.%f"))),
     "milliseconds behind a colon": ("csv", colons),
+    "thousands with commas": ("csv", lambda swing: thousands(swing, ".")),
+    "thousands with points": ("csv", lambda swing: thousands(swing, ",")),
+    "another heading": ("csv", lambda swing: joined(table(swing, turn=HEADING))),
+    "z downwards": ("csv", lambda swing: joined(table(swing, turn=DOWNWARDS))),
 }
 MIRROR = np.diag([1.0, -1.0, 1.0])
 EXCHANGED = np.eye(3)[[1, 0, 2]]

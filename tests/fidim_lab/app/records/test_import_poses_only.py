@@ -1,5 +1,6 @@
 """Poses without markers: the campaign claims no more about the platform than the poses do."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.records import Body, Robot
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.data.robot_file import write_robot
 
@@ -48,11 +50,12 @@ def test_three_markers_stand_for_a_pose(markers: int, swing: Swing, tmp_path: Pa
         assert turned[known] == pytest.approx(swing.R[at][known], abs=1e-4)
 
 
-def frames_of_ros(swing: Swing) -> str:
+def frames_of_ros(swing: Swing, noise: float = 0.0) -> str:
     """A table of transforms as `ros2 topic echo --csv /tf` gives them: the platform, and a frame that stands still."""
-    rows = ["time,x,y,z,qx,qy,qz,qw,sx,sy,sz,s1,s2,s3,s4"]
+    rows, random = ["time,x,y,z,qx,qy,qz,qw,sx,sy,sz,s1,s2,s3,s4"], np.random.default_rng(5)
     for t, place, turn in zip(swing.t, swing.p, swing.quaternions, strict=True):
-        rows.append(",".join(f"{x:.7f}" for x in [t, *place, *turn, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+        still = 1.0 + noise * random.normal(size=3)
+        rows.append(",".join(f"{x:.7f}" for x in [t, *place, *turn, *still, 0.0, 0.0, 0.0, 1.0]))
     return "".join(f"{row}\n" for row in rows)
 
 
@@ -63,9 +66,62 @@ FRAMES = (
 )
 
 
-def test_a_frame_that_stands_still_is_not_the_platform(swing: Swing, tmp_path: Path):
+LEANS = Rotation.from_euler("xyz", [0.5, -0.7, 0.9]).as_matrix()
+"""body axes that lean so far that every way to read three angles is another rotation"""
+
+
+def leaning(swing: Swing) -> Robot:
+    """The robot with these body axes."""
+    robot, nominal = swing.robot, swing.robot.nominal
+    inertia = (LEANS.T @ nominal.inertia_matrix @ LEANS)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return replace(
+        robot,
+        cables=tuple(replace(cable, a=LEANS.T @ cable.a) for cable in robot.cables),
+        marker=LEANS.T @ robot.marker,
+        extra_markers=tuple(LEANS.T @ marker for marker in robot.extra_markers),
+        nominal=Body(LEANS.T @ nominal.com, inertia),
+    )
+
+
+def objects_of_tracker(swing: Swing, angles: np.ndarray) -> str:
+    head = ["Objects", "100", ",,plate", "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm"]
+    rows = np.concatenate([angles, 1e3 * swing.p], axis=1)
+    return "\n".join([*head, *(f"{k},0,{','.join(f'{x:.6f}' for x in row)}" for k, row in enumerate(rows, start=1))])
+
+
+@pytest.mark.parametrize("order", ["XYZ", "zyx", "ZXY", None])
+def test_angles_are_read_in_the_way_in_which_cables_keep_their_lengths(order: str | None, swing: Swing, tmp_path: Path):
+    turned = Rotation.from_matrix(swing.R @ LEANS)
+    angles = turned.as_rotvec() if order is None else turned.as_euler(order)
+    if order:
+        angles = angles[:, [order.upper().index(axis) for axis in "XYZ"]]
+    write_robot(tmp_path / "robot.toml", leaning(swing))
+    (tmp_path / "take.csv").write_text(objects_of_tracker(swing, angles), encoding="utf-8")
+    arguments = ["vicon-csv", str(tmp_path / "take.csv"), "--robot", str(tmp_path / "robot.toml")]
+    done = CliRunner().invoke(fidim, ["import", *arguments, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    campaign = read_campaign(tmp_path / "out")
+    for window in campaign.windows:
+        _, rotations, _ = fit_pose(window.markers, campaign.robot.markers)
+        at = np.rint(window.t * 100).astype(int)
+        known = np.isfinite(rotations[:, 0, 0])
+        assert rotations[known] == pytest.approx(swing.R[at][known] @ LEANS, abs=1e-4)
+
+
+def test_angles_that_may_be_read_in_two_ways_are_refused(swing: Swing, tmp_path: Path):
     write_robot(tmp_path / "robot.toml", swing.robot)
-    (tmp_path / "take.csv").write_text(frames_of_ros(swing), encoding="utf-8")
+    angles = Rotation.from_matrix(swing.R).as_euler("XYZ")
+    (tmp_path / "take.csv").write_text(objects_of_tracker(swing, angles), encoding="utf-8")
+    arguments = ["vicon-csv", str(tmp_path / "take.csv"), "--robot", str(tmp_path / "robot.toml")]
+    done = CliRunner().invoke(fidim, ["import", *arguments, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 1
+    assert "Export rotations as quaternions" in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_a_frame_that_stands_still_is_not_the_platform(noise: float, swing: Swing, tmp_path: Path):
+    write_robot(tmp_path / "robot.toml", swing.robot)
+    (tmp_path / "take.csv").write_text(frames_of_ros(swing, noise), encoding="utf-8")
     (tmp_path / "map.toml").write_text(FRAMES, encoding="utf-8")
     arguments = ["csv", str(tmp_path / "take.csv"), "--robot", str(tmp_path / "robot.toml")]
     arguments += ["--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "out")]

@@ -38,6 +38,16 @@ def test_a_proposal_reads_its_table(tmp_path, head, columns, mark, decimal, name
     np.testing.assert_allclose(log.positions[3, 0], [4.0, 5.0, 6.0])
 
 
+def test_columns_without_a_name_at_either_end_and_marks_between_thousands(tmp_path):
+    rows = [f'{k},{k / 100:.2f},"1,00{k % 10}.5",2.5,3.5,' for k in range(ROWS)]
+    path, map_file = tmp_path / "take.csv", tmp_path / "map.toml"
+    path.write_text("\n".join([",time,ax,ay,az,", *rows]) + "\n", encoding="utf-8")
+    map_file.write_text(proposed_map(path), encoding="utf-8")
+    log = read_mapped(path, map_file)
+    assert log.names == ("a",)
+    np.testing.assert_allclose(log.positions[3, 0], [1003.5, 2.5, 3.5])
+
+
 def test_a_pose_is_proposed_by_its_quaternion(tmp_path):
     head = ["time;body_x;body_y;body_z;body_qx;body_qy;body_qz;body_qw"]
     rows = [f"{k / 100:.2f};0.1;0.2;{k / 100:.2f};0;0;0;1" for k in range(ROWS)]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.records.import_kinds import MARKER_READERS, take_numbers
 from fidim_lab.data.marker_order import order_of
@@ -202,7 +203,20 @@ def test_vicon_sub_frames_blocks_decimal_commas_and_loose_names(tmp_path: Path):
         MARKER_READERS["vicon-csv"](written(tmp_path, "\n".join([*head, *rows[:7], "5;0;1;2;many;4;5;6", *rows])))
 
 
-def test_vicon_objects_with_angles_are_refused(tmp_path: Path):
-    head = ["Objects", "100", ",,p:p", "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm"]
-    with pytest.raises(FileError, match="quaternions"):
-        MARKER_READERS["vicon-csv"](written(tmp_path, "\n".join([*head, *["1,0,0,0,0,1,2,3"] * 30])))
+def test_vicon_objects_with_angles_are_read_in_every_way(tmp_path: Path):
+    head = ["Objects", "100", ",,p:p", "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,deg,deg,deg,mm,mm,mm"]
+    rows = ["1,0,10,20,30,1,2,3", *[f"{k},0,,,,,," for k in range(2, 40)]]
+    bodies = MARKER_READERS["vicon-csv"](written(tmp_path, "\n".join([*head, *rows]))).bodies
+    assert {body.name for body in bodies} == {"p:p"}
+    assert len({body.read_as for body in bodies}) == len(bodies) == 7
+    told = {body.read_as: body.rotations[0] for body in bodies}
+    expected = Rotation.from_euler("XYZ", [10, 20, 30], degrees=True).as_matrix()
+    assert told["angles about its own X, Y, Z in turn"] == pytest.approx(expected)
+    expected = Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix()
+    assert told["angles about its own Z, Y, X in turn"] == pytest.approx(expected)
+    expected = Rotation.from_rotvec([10, 20, 30], degrees=True).as_matrix()
+    assert told["angles as a rotation vector"] == pytest.approx(expected)
+    assert np.isnan(bodies[0].positions[1]).all()
+    text = "\n".join([*head, *rows]).replace("deg", "")
+    with pytest.raises(FileError, match="no unit of angles"):
+        MARKER_READERS["vicon-csv"](written(tmp_path, text))

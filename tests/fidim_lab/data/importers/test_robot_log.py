@@ -134,5 +134,9 @@ def test_logs_belong_to_takes_by_name_else_by_clock():
     takes, left = match([take("a.mcap", 1.75e9 + 5.0), take("b.mcap", 1.75e9 + 55.0)], [day])
     assert [one.log is day for one in takes] == [True, False]  # the second runs on after the log's end
     assert match([take("a.csv")], [log_of("b.log")])[0][0].log is not None
+    logs = [log_of("r_i01.log"), log_of("r_v01.log")]
+    takes, left = match([take("v_v01.txt"), take("v_i01.txt")], logs)
+    assert [one.log and one.log.source.name for one in takes] == ["r_v01.log", "r_i01.log"]
+    assert left == ()
     with pytest.raises(SetupError, match=r"r_1.log and s_1.log both"):
         match([take("v_1.txt")], [log_of("r_1.log"), log_of("s_1.log")])

@@ -71,6 +71,25 @@ def test_computed_samples_are_missing(recorded: Make, fill: str):
         assert set(range(100, 140)) <= set(gone.tolist()) <= set(range(96, 144))
 
 
+@pytest.mark.parametrize("every", [2, 3, None])
+@pytest.mark.parametrize("cluster", [False, True])
+def test_repeated_frames_are_missing(recorded: Make, every: int | None, cluster: bool):
+    rows = np.arange(601)
+    known = rows % every == 0 if every else ~np.isin(rows, [50, 120, 121, 300])
+    last = np.maximum.accumulate(np.where(known, rows, 0))
+    found = clean_recordings(each(recorded(noise=NOISE, cluster=cluster), lambda markers: markers[last])).recordings
+    for window in found.campaign.windows:
+        np.testing.assert_array_equal(np.isfinite(window.markers).all(axis=(1, 2)), known)
+    assert {one.why for one in found.removed} == {"repeats the frame before"}
+
+
+def test_places_that_are_equal_by_rounding_are_measured(recorded: Make):
+    campaign = recorded(noise=NOISE)
+    windows = (replace(w, markers=np.round(w.markers, 3)) for w in campaign.windows)
+    found = clean_recordings(replace(campaign, windows=tuple(windows))).recordings
+    assert "repeats the frame before" not in {one.why for one in found.removed}
+
+
 def test_every_second_sample_by_a_line_is_missing(recorded: Make):
     def spoil(markers: np.ndarray) -> np.ndarray:
         markers[1:-1:2] = 0.5 * (markers[:-2:2] + markers[2::2])
