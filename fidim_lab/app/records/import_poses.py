@@ -35,7 +35,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
 
 STRAY = 5e-3
-"""m, by which lengths of locked cables may vary by the poses. With a surveyed frame it was 0.1 to 0.5 in 60 takes"""
+"""m, by which lengths of locked cables may vary by the poses. With a surveyed frame it was 0.0 to 0.3 in 60 takes"""
 UNFOUND = 0.5
 """share of samples in which no marker was found by the distances, beyond which these are other markers"""
 SOLVED = 5e-6
@@ -288,9 +288,7 @@ def _upright(
     return chosen, Decision(decided)
 
 
-def _other_axes(
-    mechanism: Mechanism, tracks: Sequence[Track], varies: float, up: str | None
-) -> PoseReading | None:
+def _other_axes(mechanism: Mechanism, tracks: Sequence[Track], varies: float, up: str | None) -> PoseReading | None:
     """The one reading with another heading, or with z downwards, in which lengths stay; None where there are several.
 
     varies: m, how much they vary in the best of the usual readings; None where that is little. up: as requested.

@@ -38,7 +38,7 @@ OTHER_AXES = tuple(
 UNITS = ("m", "mm", "cm", "in")
 """of length, that are tried"""
 SURVEYED = 1e-3
-"""m, by which lengths of locked cables vary at most where a file is read as it was meant: 0.1 to 0.5 in 60 takes"""
+"""m, by which lengths of locked cables vary at most where a file is read as it was meant: 0.0 to 0.3 in 60 takes"""
 FAR = 5.0
 """times as much do they vary in a wrong reading, at least: a wrong axis made 4 to 10 mm of 0.1"""
 FEW = 2000
@@ -72,7 +72,7 @@ class PoseReading:
     @property
     def words(self) -> str:
         """For a person."""
-        usual = np.array_equal(self.turn, UPRIGHT.get(self.up))
+        usual = any(np.array_equal(self.turn, turn) for turn in UPRIGHT.values())
         axes = f"{self.up} upwards" if usual else f"the file's {', '.join(self._axes)} as the robot's x, y, z"
         axes += ", its own axes too" if self.turned else ""
         if self.body is None:
