@@ -117,16 +117,19 @@ def _unfollowed(journey: Journey) -> set[int]:
     return {*journey.lost, *(w for w, (time, _) in journey.slack.items() if time < TRUSTED)}
 
 
-def cause(found: Fit) -> str:
-    """What the model visibly lacks, as a sentence; may be empty."""
-    lost = lost_energy(found.remainders, found.likelihood.noise) if found.excess > MISFIT else None
-    return "" if lost is None else lost.says
+def cause(found: Fit, exact: Fit | None) -> str:
+    """What the model visibly lacks, as a sentence; may be empty.
+
+    exact: with the file's geometry, where `found` has another: that takes up a part of what decays, but loses nothing.
+    """
+    fits = () if found.excess <= MISFIT else (found,) if exact is None else (found, exact)
+    losses = (lost_energy(one.remainders, one.likelihood.noise) for one in fits)
+    return next((lost.says for lost in losses if lost is not None), "")
 
 
-def message(ended: ResultOutcome, found: Fit, figures: Figures) -> str:
-    """A paragraph for a person."""
+def message(ended: ResultOutcome, found: Fit, figures: Figures, lacks: str) -> str:
+    """A paragraph for a person. lacks: `cause`."""
     eigenvalue, in_sd = distance_to_boundary(figures.body, figures.covariance)
-    lacks = cause(found)
     parts = [
         ended.value,
         *((lacks,) if lacks else ()),

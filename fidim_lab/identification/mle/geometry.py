@@ -32,6 +32,8 @@ class Surveyed:
     """what was left open; nothing where the geometry counts as exact"""
     weighed: GeometryOdds = NOT_WEIGHED
     """by evidence where the file states no survey"""
+    exact: Fit | None = None
+    """with the file's geometry, where another was found better"""
 
 
 def begin_surveyed(mechanism: Mechanism, windows: list[Window]) -> Fit:
@@ -70,7 +72,7 @@ def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:
         chosen = _usual(robot, says.factors)
         again = continued(found, chosen)
         found, opened = (found, opened) if again is None else (again, chosen)
-    return Surveyed(found, opened, says)
+    return Surveyed(found, opened, says, exact)
 
 
 def _usual(robot: Robot, factors: Factors) -> tuple[Nuisance, ...]:

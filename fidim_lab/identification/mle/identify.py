@@ -82,11 +82,12 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     figures = figures_of(found, campaign.robot.nominal)
     geometry = replace(told_geometry(surveyed), encoders=anchors_by_encoders([campaign]))
     outcome = findings.outcome(found, figures, windows)
+    lacks = findings.cause(found, surveyed.exact)
     return IdentificationResult(
         campaign=campaign.name,
         method=Method.MLE,
         outcome=outcome,
-        message=findings.message(outcome, found, figures),
+        message=findings.message(outcome, found, figures, lacks),
         parameters=figures.parameters,
         non_essential=figures.non_essential,
         sigma_W=side.estimate.sigma_W if isinstance(side, _Side) else None,
@@ -104,7 +105,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
         freedoms=campaign.robot.freedoms,
         geometry=None if soft is not None else geometry,
-        cause=findings.cause(found),
+        cause=lacks,
     )
 
 
