@@ -2,9 +2,10 @@
 
 The first of equal frames was measured when its time says, the others later than they were: they become missing.
 Measured frames are equal only by rounding, and then single coordinates are equal far more often. A place that is held
-for longer is a fault of its own, which screening names.
+for longer is a fault of its own, which screening names; one that comes again later, or 0 0 0, stands for a blank.
 """
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,8 @@ def _repeated(window: Window) -> Bool[np.ndarray, "N M"]:
     chance = (1 + (equal & either).sum(axis=0)) / (1 + either.sum(axis=0))
     if len(frames) * float(np.prod(chance)) > BY_CHANCE * whole.sum():
         return np.zeros(window.markers.shape[:2], dtype=bool)
+    met = Counter(frame.tobytes() for frame in frames[~whole])
     for begin, end in runs(whole):
-        whole[begin:end] = end - begin + 1 < FEWEST_HELD
+        stands_for_a_blank = met[frames[begin].tobytes()] > 1 or not np.nan_to_num(frames[begin]).any()
+        whole[begin:end] = end - begin + 1 < FEWEST_HELD and not stands_for_a_blank
     return whole[:, np.newaxis] & np.isfinite(window.markers).all(axis=2)
