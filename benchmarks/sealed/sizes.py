@@ -115,6 +115,13 @@ def _placed(name: str, width: tuple[float, float] | None = None) -> Keys:
     return keys
 
 
+def _twisted(rng: Rng, size: float) -> dict[str, float]:
+    """Of cables that were fixed within 30° of the heading without twist, or of a hose from above."""
+    if rng.random() < 0.5:
+        return {"k": 0.0, "hose": size}
+    return {"k": size, "p": size * rng.uniform(-0.5, 0.5)}
+
+
 def _knock(rng: Rng, size: float) -> dict[str, float]:
     return {**_vector("f", 0.3)(rng, size), "period": rng.uniform(0.6, 2.5), "w": rng.uniform(0.02, 0.08)}
 
@@ -139,6 +146,7 @@ EFFECTS: Mapping[str, Size] = {
     ),
     "cable-mass": Size(2e-3, 0.05, "kg/m", _one("mu"), with_mass=True),
     "lay-torque": Size(2e-5, 1e-3, "m", _signed("c")),
+    "cable-torsion": Size(1e-3, 0.3, "N m² (or N m/rad)", _twisted, with_mass=True),
     "anchor-offset": Size(3e-4, 0.01, "m", _vector("d"), one_cable=True),
     "attachment-offset": Size(2e-4, 8e-3, "m", _vector("d"), one_cable=True),
     "pulley-radius": Size(3e-4, 5e-3, "m", _signed("dr")),

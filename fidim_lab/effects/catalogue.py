@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.cables.cable_mass import CableMass
+from fidim_lab.effects.cables.cable_torsion import CableTorsion, HoseTorsion
 from fidim_lab.effects.cables.damped_springs import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
 from fidim_lab.effects.cables.lay_torque import LayTorque
 from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
@@ -90,6 +91,7 @@ _MAKERS: tuple[Maker, ...] = (
     _each(CableCreep),
     _once(CableMass),
     _once(LayTorque),
+    _once(CableTorsion, HoseTorsion),
     _each(AnchorOffset),
     _each(AttachmentOffset),
     _all_and_each(PulleyRadius),

@@ -52,6 +52,12 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "windows at other headings, or with the fan switched off",
     ),
     Equivalence(
+        ("cable-torsion", "lay-torque"),
+        Likeness.NEAR,
+        "a platform that keeps its heading hardly changes the torque of cables that were fixed twisted",
+        "windows at other headings, or another payload: the torque of the lay grows with the tension",
+    ),
+    Equivalence(
         ("frame-sway", "periodic-force"),
         Likeness.NEAR,
         "a frame that moves by u pushes the platform with −m ü like a force; only what the cameras see of u itself "
@@ -176,7 +182,13 @@ SHARED: Mapping[str, tuple[str, ...]] = {
     ),
     "mass beside the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
     "an oscillation": ("periodic-force", "frame-sway"),
-    "a force or torque beside gravity": ("constant-force", "body-force", "lay-torque", "umbilical"),
+    "a force or torque beside gravity": (
+        "constant-force",
+        "body-force",
+        "lay-torque",
+        "cable-torsion",
+        "umbilical",
+    ),
     "clocks": ("clock-rate", "time-offset"),
 }
 """what effects have in common: what is told of a class whose members cannot be told apart"""

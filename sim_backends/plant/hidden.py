@@ -117,6 +117,13 @@ CATALOGUE: Mapping[str, HiddenKind] = {
     ),
     "cable-mass": HiddenKind({"mu": Key(0.02, "kg/m", "linear density")}),
     "lay-torque": HiddenKind({"c": Key(2e-4, "m", "torque about each cable for each newton of its tension")}),
+    "cable-torsion": HiddenKind(
+        {
+            "k": Key(0.05, "N m²", "torsional rigidity of each cable"),
+            "p": Key(0.0, "N m² rad", "rigidity times the turn at which they are not twisted"),
+            "hose": Key(0.0, "N m/rad", "stiffness of a hose from above", low=0.0),
+        }
+    ),
     "anchor-offset": HiddenKind(xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
     "attachment-offset": HiddenKind(
         xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True

@@ -1,4 +1,4 @@
-"""Resistance to the platform's rotation: air, a twisted hose, torsion of the cables."""
+"""Resistance to the platform's rotation: air, a hose."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -51,8 +51,10 @@ class Platform:
 
     world: World
     centre: ca.SX
+    quaternion: ca.SX
+    """unit (4), scalar first, body → world"""
     rotation: ca.SX
-    """body → world"""
+    """the same as a matrix"""
     velocity: ca.SX
     spin: ca.SX
     """angular velocity, body frame"""
@@ -122,6 +124,7 @@ def platform(world: World, x: ca.SX, now: ca.SX, *, still: bool = False) -> Plat
     return Platform(
         world=world,
         centre=centre,
+        quaternion=x[3:7] / ca.norm_2(x[3:7]),
         rotation=rotation,
         velocity=velocity,
         spin=spin,

@@ -124,6 +124,32 @@ def _attachment_friction(platform: Platform, effect: HiddenEffect) -> Wrench:
     return total
 
 
+def _cable_torsion(platform: Platform, effect: HiddenEffect) -> Wrench:
+    """The torque of each twisted cable about itself, and what keeps its energy: forces across it and along it.
+
+    The twist is the platform's turn φ about the cable, 2 atan(v·t/w). Its rate is that of v and w by ω, and that of t,
+    which turns with wrap and swivel.
+    """
+    w, v = platform.quaternion[0], platform.quaternion[1:4]
+    force = moment = ca.SX.zeros(3)
+    for end, cable in zip(platform.cables, platform.world.cables, strict=True):
+        bend = end.tangent
+        about = ca.dot(v, bend.along)
+        twist, size = 2 * ca.atan(about / w), w**2 + about**2
+        torque = (effect["p"] - effect["k"] * twist) / bend.free
+        by_turning = (w**2 * bend.along + w * ca.cross(v, bend.along) + about * v) / size
+        wrapping = ca.dot(bend.normal, v) / bend.free * bend.normal
+        swivelling = ca.dot(bend.across, v) * ca.dot(bend.along, bend.outward) / bend.lever * bend.across
+        stored = (effect["k"] / 2 * twist - effect["p"]) * twist / bend.free
+        shortening = stored / bend.free * (bend.along - cable.radius / bend.free * bend.normal)
+        here = _at(end.point, torque * 2 * w / size * (wrapping + swivelling) + shortening)
+        force, moment = force + here.force, moment + here.moment + torque * by_turning
+    heading = 2 * ca.atan(v[2] / w)
+    share = ca.vertcat(w * v[1] + v[2] * v[0], v[2] * v[1] - w * v[0], w**2 + v[2] ** 2) / (w**2 + v[2] ** 2)
+    moment = moment - effect["hose"] * heading * share
+    return Wrench(force, moment)
+
+
 def _constant_force(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _at_centre(ca.SX(effect.vector("fx", "fy", "fz")))
 
@@ -212,6 +238,7 @@ TERMS: Mapping[str, Term] = {
     "swivel-damping": _swivel_damping,
     "pulley-friction": _pulley_friction,
     "attachment-friction": _attachment_friction,
+    "cable-torsion": _cable_torsion,
     "constant-force": _constant_force,
     "body-force": _body_force,
     "periodic-force": _periodic_force,

@@ -49,6 +49,8 @@ CASES: list[tuple[str, tuple[str, int, int | None], Callable[[np.ndarray], list[
     ("attachment-friction:viscous=0.02,dry=0.01", ("attachment-friction", 0, None), lambda _: [0.02, 0.01]),
     ("cable-creep:cable=2,delta=0.003,T=2", ("cable-creep", 0, 2), lambda _: [0.003, 2.0]),
     ("cable-mass:mu=0.02", ("cable-mass", 0, None), lambda _: [0.02]),
+    ("cable-torsion:k=0.1,p=0.02", ("cable-torsion", 0, None), lambda _: [0.1, 0.02]),
+    ("cable-torsion:k=0,hose=0.3", ("cable-torsion", 1, None), lambda _: [0.3, 0.0]),
     ("lay-torque:c=3e-4", ("lay-torque", 0, None), lambda _: [3e-4]),
     ("anchor-offset:cable=4,dx=0.006,dy=0.002,dz=-0.003", ("anchor-offset", 0, 4), lambda _: [0.006, 0.002, -0.003]),
     ("attachment-offset:cable=3,dx=6e-3,dy=2e-3,dz=1e-3", ("attachment-offset", 0, 3), lambda _: [6e-3, 2e-3, 1e-3]),

@@ -1,0 +1,80 @@
+"""Cables fixed to the platform, and a hose from above, twist as it turns, and turn it back."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.model.slots import PlatformState
+
+STIFFEST = 10.0
+"""N m²: G J of a solid steel rod of 6 mm, which no drum winds up"""
+STIFFEST_HOSE = 10.0
+"""N m/rad: the same rod, a metre long"""
+TURNS = 3.0
+"""rad: of what was fixed twisted, at most"""
+
+
+@dataclass(frozen=True)
+class CableTorsion(NamedEffect):
+    """Potential Σ (½ k φ² − p φ)/ρ over the cables: φ is how far the platform has turned about the cable, ρ its length.
+
+    φ = 2 atan(ε · t/η) with the unit quaternion (η, ε) of R and the cable's direction t, 0 at R = 1. A cable that was
+    fixed without twist at another heading φ₀ has p = k φ₀. In k and p the torque is linear. The turn of the swivel at
+    the cable's upper end is left out: it is small where cables hang at a slant.
+    """
+
+    id: ClassVar[str] = "cable-torsion"
+    says: ClassVar[str] = "twisted cables turn the platform back, potential Σ (½ k φ² − p φ)/ρ, φ its turn about each"
+    source: ClassVar[str] = "torsion of a rod, T = G J φ/ρ"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("k", "N m²", "torsional rigidity G J of a cable", scale=0.01, low=0.0, high=10.0, start=0.02),
+        Parameter("p", "N m² rad", "k times the turn without twist", scale=0.01, low=-50.0, high=50.0, start=0.0),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−∂V."""
+        turns = [(_turn(state, cable.direction), cable.free_length) for cable in state.cables]
+        each = ((theta[0] / 2 * turn**2 - theta[1] * turn) / length for turn, length in turns)
+        return -state.gradient(sum(each, ca.SX(0)))
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """A rod stiffer than any cable, wound up by hand."""
+        del context
+        why = "a cable that a drum winds up twists more easily than a steel rod of 6 mm"
+        return {"k": Limit(STIFFEST, why), "p": Limit(STIFFEST * TURNS, why)}
+
+
+@dataclass(frozen=True)
+class HoseTorsion(NamedEffect):
+    """Potential ½ k ψ² − p ψ, ψ the platform's turn about the vertical: one hose or wire from above."""
+
+    id: ClassVar[str] = "cable-torsion"
+    variant: ClassVar[str] = "a hose from above"
+    says: ClassVar[str] = "a twisted hose from above turns the platform back, potential ½ k ψ² − p ψ, ψ its turn"
+    source: ClassVar[str] = "torsion of a rod"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("k", "N m/rad", "a stiffness is positive", scale=0.01, low=0.0, high=10.0, start=0.02),
+        Parameter("p", "N m", "torque at R = 1", scale=0.01, low=-50.0, high=50.0, start=0.0),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−∂V."""
+        turn = _turn(state, ca.SX([0.0, 0.0, 1.0]))
+        return -state.gradient(theta[0] / 2 * turn**2 - theta[1] * turn)
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """That rod again."""
+        del context
+        why = "a hose twists more easily than a steel rod of 6 mm"
+        return {"k": Limit(STIFFEST_HOSE, why), "p": Limit(STIFFEST_HOSE * TURNS, why)}
+
+
+def _turn(state: PlatformState, axis: ca.SX) -> ca.SX:
+    """The platform's turn (rad) about an axis (3), world frame, since R = 1; what it leaned aside left out."""
+    rotation = state.rotation
+    skew = ca.vertcat(rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1])
+    return 2 * ca.atan2(ca.dot(skew, axis), 1 + ca.trace(rotation))
