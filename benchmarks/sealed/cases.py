@@ -75,14 +75,17 @@ def case_of(seed: int, number: int, mass: float, cables: int) -> Case:
     return Case(kind, tuple(_sized(id, rng, mass, cables) for id in ids))
 
 
-EACH = "each"
-"""--without: every effect that is searched for in its turn, campaign after campaign"""
+TURNS: Mapping[str, tuple[str, ...]] = {
+    "each": tuple(id for id in EFFECTS if id not in NOT_BY_SCORE),
+    "unlisted": tuple(OUTSIDE),
+}
+"""--without: effects that take turns, campaign after campaign: those that are searched for, those in no catalogue"""
 
 
 def lacking(without: str, number: int) -> str:
     """The effect that campaign `number` (from 1) hides and the catalogue lacks by `--without`; empty for none."""
-    searched = [id for id in EFFECTS if id not in NOT_BY_SCORE]
-    return searched[(number - 1) % len(searched)] if without == EACH else without
+    turns = TURNS.get(without, (without,))
+    return turns[(number - 1) % len(turns)]
 
 
 def case_with(id: str, seed: int, number: int, mass: float, cables: int) -> Case:

@@ -16,6 +16,7 @@ from time import perf_counter, process_time
 from typing import Any
 
 from benchmarks.sealed.folder import read_json, write_json
+from benchmarks.sealed.sizes import EFFECTS
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError
@@ -101,7 +102,7 @@ def _explained(campaign: Campaign, without: str) -> dict[str, Any]:
 
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "explanation.json"
-        write_explanation(file, explain(campaign, without=[without] if without else []))
+        write_explanation(file, explain(campaign, without=[without] if without in EFFECTS else []))
         return read_json(file)
 
 

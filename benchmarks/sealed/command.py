@@ -53,7 +53,7 @@ class BenchmarkOptions:
     json_file: Path | None
     page: Path | None
     without: str = ""
-    """an effect that every campaign hides and the catalogue lacks, or `cases.EACH`"""
+    """an effect that every campaign hides and the catalogue lacks, or a key of `cases.TURNS`"""
 
     @property
     def numbers(self) -> tuple[int, ...]:

@@ -115,6 +115,16 @@ def _placed(name: str, width: tuple[float, float] | None = None) -> Keys:
     return keys
 
 
+def _facing(name: str, placed: Keys | None = None) -> Keys:
+    """What faces some way in the horizontal plane, at a place where that matters."""
+
+    def keys(rng: Rng, size: float) -> dict[str, float]:
+        place = {} if placed is None else placed(rng, size)
+        return {**place, name: size, "about": rng.uniform(-np.pi, np.pi)}
+
+    return keys
+
+
 def _twisted(rng: Rng, size: float) -> dict[str, float]:
     """Of cables that were fixed within 30° of the heading without twist, or of a hose from above."""
     if rng.random() < 0.5:
@@ -176,6 +186,23 @@ OUTSIDE: Mapping[str, Size] = {
     "unknown-eddy": Size(0.2, 10.0, "N s/m", _placed("c", (0.06, 0.2)), with_mass=True),
     "unknown-ripple": Size(
         5e-4, 0.02, "N m", lambda rng, size: {"c": size, "teeth": float(rng.integers(20, 80))}, with_mass=True
+    ),
+    "unknown-gusts": Size(
+        5e-3, 0.3, "N", lambda rng, size: {"f": size, "seed": float(rng.integers(1, 1000))}, with_mass=True
+    ),
+    "unknown-stop": Size(2.0, 100.0, "N/m", _facing("k", _placed("k")), with_mass=True),
+    "unknown-slack": Size(1.0, 50.0, "N/m", _placed("k", (0.02, 0.08)), with_mass=True),
+    "unknown-sail": Size(0.05, 3.0, "N s²/m²", _facing("c"), with_mass=True),
+    "unknown-offset-drag": Size(
+        0.05, 2.0, "N s²/m²", lambda rng, size: {"c": size, **_vector("b")(rng, 0.2)}, with_mass=True
+    ),
+    "unknown-power": Size(
+        0.01, 0.3, "N (s/m)^p", lambda rng, size: {"c": size, "p": float(rng.choice([0.0, 0.5, 1.5]))}, with_mass=True
+    ),
+    "unknown-lift": Size(0.1, 5.0, "kg", _signed("k"), with_mass=True),
+    "unknown-dipole": Size(2e-3, 0.2, "N m", _vector("m"), with_mass=True),
+    "unknown-bath": Size(
+        0.2, 6.0, "N s/m", lambda rng, size: {"c": size, "z": rng.uniform(-0.75, -0.55)}, with_mass=True
     ),
 }
 SIZES: Mapping[str, Size] = {

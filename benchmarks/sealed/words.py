@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.sealed.cases import EACH, SecretKind
+from benchmarks.sealed.cases import SecretKind
 from benchmarks.sealed.scoring import Marked
 from benchmarks.sealed.statistics import DetectionLimit
 from benchmarks.sealed.tally import BAND_NAMES, ScoredCampaign, Tally
@@ -31,12 +31,16 @@ Every campaign hides {effect}, which the catalogue lacked: physics that nobody l
 class: neighbours are named, none of them as the only one, or it is one of the geometry, and that is reported to be
 clearly off. Wrong: a name that claims odds over 20, or any other "nothing is missing"."""
 
+TURN_BY_TURN = {
+    "each": "one effect of the catalogue, each in its turn",
+    "unlisted": "one force of those that no catalogue has, each in its turn",
+}
 
 COUNTS = ("campaigns", "right", "by class", "wrong", "right or by class (95 %)")
 
 
 def page(tally: Tally, command: str, commitment: str, without: str = "") -> str:
-    """The whole page; without: the effect that all campaigns hide and the catalogue lacked, or `cases.EACH`."""
+    """The whole page; without: the effect that all hide and the catalogue lacked, or a key of `cases.TURNS`."""
     sections = (
         ("By loudness", _bands(tally)),
         *(
@@ -55,7 +59,7 @@ def page(tally: Tally, command: str, commitment: str, without: str = "") -> str:
     text = "\n\n".join(f"## {title}\n{body}" for title, body in sections)
     committed = f"Truth committed to before the first campaign was explained: SHA-256 `{commitment}`."
     head = f"# Measured: explain, on sealed campaigns\n\n{provenance(command)}\n{committed}"
-    hidden = "one effect of the catalogue, each in its turn" if without == EACH else f"`{without}`"
+    hidden = TURN_BY_TURN.get(without, f"`{without}`")
     method = f"{METHOD}\n\n{WITHOUT.format(effect=hidden) if without else DEALT}"
     return f"{head}\n\n{method}\n\n{text}\n"
 
@@ -85,9 +89,9 @@ def _bands(tally: Tally) -> str:
     """Right, class and wrong by how much χ² the secret costs."""
     rows = [_grades(name, tally.in_band(name)) for name in BAND_NAMES if tally.in_band(name)]
     return (
-        "Campaigns with effects of the catalogue or a sensor fault, by the excess of χ² of the model as it is that\n"
-        "the faintest of their effects brings alone (expected, from a recording with a tenth of the noise; windows\n"
-        "to identify from).\n\n" + table(("χ² excess of the faintest", *COUNTS), rows)
+        "Campaigns with one effect, several, or a sensor fault, by the excess of χ² of the model as it is that the\n"
+        "faintest of their effects brings alone (expected, from a recording with a tenth of the noise; windows to\n"
+        "identify from).\n\n" + table(("χ² excess of the faintest", *COUNTS), rows)
     )
 
 
@@ -97,8 +101,8 @@ def _kinds(tally: Tally) -> str:
 
 
 def _effects(tally: Tally) -> str:
-    ids = dict.fromkeys(c.label[0] for c in tally.campaigns)
-    rows = [_grades(id, tally.of(lambda c, id=id: c.label[0] == id)) for id in sorted(ids)]
+    ids = dict.fromkeys(c.hidden[0]["id"] for c in tally.campaigns)
+    rows = [_grades(id, tally.of(lambda c, id=id: c.hidden[0]["id"] == id)) for id in sorted(ids)]
     return table(("hidden, not in the catalogue", *COUNTS), rows)
 
 

@@ -1,7 +1,8 @@
 """Physics that no effect of the catalogue describes: ids that may be hidden, to see that they are called unknown.
 
-Each belongs to another family (by place, by rate, by time, by joint angle), so that a tool that only knows one shape of
-"unknown" is found out. The forces are in `outside_terms`; the magnet, `unknown` itself, is in `hidden` and `terms`.
+They belong to many families (by place, rate, time, joint angle, attitude; one-sided, without force near the middle), so
+that a tool that only knows one shape of "unknown" is found out. The forces are in `outside_terms`; the magnet,
+`unknown` itself, is in `hidden` and `terms`.
 """
 
 from collections.abc import Mapping
@@ -34,6 +35,54 @@ OUTSIDE: Mapping[str, HiddenKind] = {
         {
             "c": Key(0.01, "N m", "detent torque about each swivel axis"),
             "teeth": Key(40.0, "1", "detents in one turn"),
+        }
+    ),
+    "unknown-gusts": HiddenKind(
+        {
+            "f": Key(0.1, "N", "rms of a force that changes all the time"),
+            "seed": Key(1.0, "1", "which course of it", low=0.0),
+        }
+    ),
+    "unknown-stop": HiddenKind(
+        {
+            "k": Key(50.0, "N/m", "of a soft stop that pushes back beyond its middle"),
+            "about": Key(0.0, "rad", "the way it faces, from x towards y"),
+            **_PLACE,
+        }
+    ),
+    "unknown-slack": HiddenKind(
+        {
+            "k": Key(25.0, "N/m", "spring to its middle along each axis"),
+            **_PLACE,
+            "w": Key(0.04, "m", "way without force to each side", low=0.0),
+        }
+    ),
+    "unknown-sail": HiddenKind(
+        {
+            "c": Key(1.0, "N s²/m²", "drag across a flat plate on the platform"),
+            "about": Key(0.6, "rad", "the way it faces, body frame, from x towards y"),
+        }
+    ),
+    "unknown-offset-drag": HiddenKind(
+        {
+            "c": Key(0.8, "N s²/m²", "drag of a thing that stands out from the platform"),
+            **xyz("b", (0.15, 0.0, 0.1), "m", "its place, body frame"),
+        }
+    ),
+    "unknown-power": HiddenKind(
+        {
+            "c": Key(0.1, "N (s/m)^p", "drag of this power of speed"),
+            "p": Key(0.5, "1", "the power", low=0.0),
+        }
+    ),
+    "unknown-lift": HiddenKind({"k": Key(1.0, "kg", "force across speed and rotation, k ω × v")}),
+    "unknown-dipole": HiddenKind(
+        xyz("m", (0.02, 0.01, 0.03), "N m", "torque of a magnet in the platform across a field that points down north")
+    ),
+    "unknown-bath": HiddenKind(
+        {
+            "c": Key(3.0, "N s/m", "drag below a level"),
+            "z": Key(-0.7, "m", "the level, from the middle of the entry points"),
         }
     ),
 }

@@ -294,17 +294,18 @@ def benchmark(context: click.Context) -> None:
     "--without",
     default="",
     metavar="EFFECT",
-    help="Hide this effect in each campaign and take it out of the catalogue; 'each': every effect in turn.",
+    help="Hide this effect in each campaign and take it out of the catalogue; 'each': every effect in turn; "
+    "'unlisted': in turn every simulated force that no catalogue has.",
 )
 @click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result as JSON.")
 @click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a documentation page.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
     """Simulate campaigns with secret effects of random size in random robots, explain them blind, score the answers."""
-    from benchmarks.sealed.cases import EACH
+    from benchmarks.sealed.cases import TURNS
     from benchmarks.sealed.command import BenchmarkOptions, benchmark_command
 
-    _scored((options["without"],) if options["without"] not in ("", EACH) else ())
+    _scored((options["without"],) if options["without"] not in ("", *TURNS) else ())
     sys.exit(benchmark_command(BenchmarkOptions(**options)))
 
 

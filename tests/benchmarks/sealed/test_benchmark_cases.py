@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from benchmarks.sealed.cases import DECK, NOT_TOGETHER, SecretKind, case_of
+from benchmarks.sealed.cases import DECK, NOT_TOGETHER, SecretKind, case_of, lacking
 from benchmarks.sealed.robots import about_vertical, random_setup
 from benchmarks.sealed.sizes import EFFECTS, OUTSIDE, SIZES
 from fidim_lab.data.robot_file import read_robot, write_robot
@@ -69,6 +69,13 @@ def test_a_heavier_robot_gets_larger_forces_but_no_larger_lengths():
 def test_a_campaign_is_the_same_whatever_else_is_made():
     assert case_of(7, 17, 11.0, 4) == MANY[16]
     assert [case_of(8, n, 11.0, 4) for n in range(1, 301)] != MANY
+
+
+def test_what_the_catalogue_lacks_takes_turns_or_is_the_same_each_time():
+    assert {lacking("unlisted", number) for number in range(1, len(OUTSIDE) + 1)} == set(OUTSIDE)
+    assert not {lacking("each", number) for number in range(1, 100)} & set(OUTSIDE)
+    assert {lacking("cable-mass", number) for number in range(1, 4)} == {"cable-mass"}
+    assert lacking("", 5) == ""
 
 
 def test_robots_are_relatives_of_the_papers_and_can_exist(irma4_file, tmp_path):

@@ -86,6 +86,72 @@ def test_ripple_of_the_swivels_is_a_torque_within_its_size_that_does_not_pull_al
     assert 0 < np.linalg.norm(force) < 4 * 0.01 / 0.3
 
 
+def test_gusts_have_the_size_asked_for_and_another_course_for_each_seed(irma4_file):
+    t = np.arange(0.0, 200.0, 1.0)
+    one, other = ([wrench(irma4_file, f"unknown-gusts:f=0.2,seed={seed}", t=now)[0] for now in t] for seed in (1, 2))
+    assert np.sqrt(np.mean(np.sum(np.square(one), axis=1))) == pytest.approx(0.2, rel=0.1)
+    assert abs(np.corrcoef(np.ravel(one), np.ravel(other))[0, 1]) < 0.2
+
+
+def test_a_stop_pushes_back_on_its_far_side_only(irma4_file):
+    force, _, world = wrench(irma4_file, "unknown-stop:k=50,about=0.5")
+    facing = np.array([np.cos(0.5), np.sin(0.5), 0.0])
+    beyond = (G - world.middle - PLACE) @ facing
+    assert force == pytest.approx(-50.0 * max(0.0, beyond) * facing)
+    turned, _, _ = wrench(irma4_file, f"unknown-stop:k=50,about={0.5 + np.pi}")
+    assert turned == pytest.approx(-50.0 * max(0.0, -beyond) * -facing)
+    assert force.any() != turned.any()
+
+
+def test_a_slack_spring_pulls_by_what_its_way_without_force_leaves(irma4_file):
+    away = G - wrench(irma4_file, "unknown-slack")[2].middle - PLACE
+    assert wrench(irma4_file, "unknown-slack:k=10,w=0")[0] == pytest.approx(-10.0 * away)
+    assert wrench(irma4_file, "unknown-slack:k=10,w=0.02")[0] == pytest.approx(
+        -10.0 * np.sign(away) * np.maximum(np.abs(away) - 0.02, 0.0)
+    )
+
+
+def test_a_sail_is_felt_across_its_plate_only(irma4_file):
+    facing = matrix_of(Q) @ [np.cos(0.6), np.sin(0.6), 0.0]
+    into = V @ facing
+    force, moment, _ = wrench(irma4_file, "unknown-sail:c=2")
+    assert force == pytest.approx(-2.0 * abs(into) * into * facing, rel=1e-3)
+    assert not moment.any()
+
+
+def test_drag_of_a_thing_that_stands_out_goes_by_its_own_velocity_and_turns_the_platform(irma4_file):
+    force, moment, world = wrench(irma4_file, "unknown-offset-drag:c=2,bx=0.15,by=0,bz=0.1")
+    arm = matrix_of(Q) @ (np.array([0.15, 0.0, 0.1]) - world.body.com)
+    velocity = V + np.cross(matrix_of(Q) @ SPIN, arm)
+    assert force == pytest.approx(-2.0 * np.linalg.norm(velocity) * velocity, rel=1e-3)
+    assert moment == pytest.approx(np.cross(arm, force))
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 1.5])
+def test_drag_by_a_power_of_speed(irma4_file, power):
+    force, _, _ = wrench(irma4_file, f"unknown-power:c=0.3,p={power}")
+    assert force == pytest.approx(-0.3 * np.linalg.norm(V) ** (power - 1) * V, rel=1e-3)
+
+
+def test_lift_does_no_work(irma4_file):
+    force, _, _ = wrench(irma4_file, "unknown-lift:k=0.7")
+    assert force == pytest.approx(0.7 * np.cross(matrix_of(Q) @ SPIN, V))
+    assert force @ V == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_dipole_turns_into_the_field(irma4_file):
+    force, moment, _ = wrench(irma4_file, "unknown-dipole:mx=0.02,my=0,mz=0.03")
+    assert not force.any()
+    assert moment == pytest.approx(np.cross(matrix_of(Q) @ [0.02, 0.0, 0.03], [0.45, 0.0, -0.9]))
+
+
+def test_a_bath_drags_below_its_level(irma4_file):
+    height = G[2] - wrench(irma4_file, "unknown-bath")[2].middle[2]
+    assert wrench(irma4_file, f"unknown-bath:c=3,z={height + 0.1}")[0] == pytest.approx(-3.0 * V)
+    assert wrench(irma4_file, f"unknown-bath:c=3,z={height}")[0] == pytest.approx(-1.5 * V)
+    assert wrench(irma4_file, f"unknown-bath:c=3,z={height - 0.1}")[0] == pytest.approx(0.0 * V, abs=1e-7)
+
+
 def test_the_truth_calls_it_unknown(irma4_file):
     _, _, world = wrench(irma4_file, "unknown-cubic")
     case = truth_of(world, "b1")["case"]
