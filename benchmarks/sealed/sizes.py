@@ -199,7 +199,7 @@ OUTSIDE: Mapping[str, Size] = {
     "unknown-power": Size(
         0.01, 0.3, "N (s/m)^p", lambda rng, size: {"c": size, "p": float(rng.choice([0.0, 0.5, 1.5]))}, with_mass=True
     ),
-    "unknown-lift": Size(0.1, 5.0, "kg", _signed("k"), with_mass=True),
+    "unknown-lift": Size(0.1, 5.0, "N s²/m", _signed("k"), with_mass=True),
     "unknown-dipole": Size(2e-3, 0.2, "N m", _vector("m"), with_mass=True),
     "unknown-bath": Size(
         0.2, 6.0, "N s/m", lambda rng, size: {"c": size, "z": rng.uniform(-0.75, -0.55)}, with_mass=True

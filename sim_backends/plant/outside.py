@@ -75,7 +75,7 @@ OUTSIDE: Mapping[str, HiddenKind] = {
             "p": Key(0.5, "1", "the power", low=0.0),
         }
     ),
-    "unknown-lift": HiddenKind({"k": Key(1.0, "kg", "force across speed and rotation, k ω × v")}),
+    "unknown-lift": HiddenKind({"k": Key(1.0, "N s²/m", "force across speed and rotation, k ω × v")}),
     "unknown-dipole": HiddenKind(
         xyz("m", (0.02, 0.01, 0.03), "N m", "torque of a magnet in the platform across a field that points down north")
     ),

@@ -44,7 +44,7 @@ def test_a_faint_push_is_found_with_its_window_and_times(irma4: Robot, place: in
     assert push.end == pytest.approx(3.3 + CLEANING.timed, abs=2 * CLEANING.timed)
     assert push.gain is not None
     assert push.gain > 30
-    assert f"{push.gain:.0f} less" in push.says
+    assert f"lowers χ² by {push.gain:.0f}" in push.says
 
 
 def test_nobody_pushes_where_nothing_is_missing(irma4: Robot) -> None:

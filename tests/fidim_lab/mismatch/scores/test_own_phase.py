@@ -12,11 +12,12 @@ from fidim_lab.mismatch.scores.own_phase import own_phase_scores, rotations
 from fidim_lab.mismatch.scores.score import Projected, WindowGram
 from fidim_lab.mismatch.scores.views import tones, view
 from fidim_lab.mismatch.selection.select import select
+from fidim_lab.mismatch.thresholds import SHARED
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
 
-WINDOWS, SHARED = 8, 3
+WINDOWS, COMMON = 8, 3
 
 
 @pytest.fixture
@@ -27,17 +28,17 @@ def tone(irma4: Robot):
 def scored(tone, irma4: Robot, own: np.ndarray):
     """The scores where the windows' amplitudes (W, 6) are these, each known as well as 20 random samples tell."""
     rng = np.random.default_rng(4)
-    size = SHARED + 6 + 1
+    size = COMMON + 6 + 1
     grams, gradient, curvature = [], np.zeros(6), np.zeros((6, 6))
     for x in own:
         columns = rng.normal(size=(20, 6)) * 2e3
         residual = -columns @ x
         gram = np.zeros((size, size))
-        at = np.r_[SHARED : SHARED + 6, size - 1]
+        at = np.r_[COMMON : COMMON + 6, size - 1]
         both = np.column_stack([columns, residual])
         gram[np.ix_(at, at)] = both.T @ both
-        grams.append(WindowGram(gram, 1000, np.zeros(SHARED)))
-        gradient, curvature = gradient - gram[SHARED:-1, -1], curvature + gram[SHARED:-1, SHARED:-1]
+        grams.append(WindowGram(gram, 1000, np.zeros(COMMON)))
+        gradient, curvature = gradient - gram[COMMON:-1, -1], curvature + gram[COMMON:-1, COMMON:-1]
     left = sum(gram.gram[-1, -1] for gram in grams) + 8000.0
     found = Projected((tone,), (slice(0, 6),), gradient, curvature, left, 8000, 1.0, np.zeros((size, size)))
     scores = own_phase_scores(found, grams, irma4)
