@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.identification.mle.evidence import ODDS, Factors
-from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.results.result import AnchorByEncoder, Geometry, Moved
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER
@@ -42,7 +41,7 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     by_encoders = (says,) if (says := encoders_say(told.encoders, told.moved)) else ()
     if not surveyed.geometry:
         return by_encoders
-    explained = surveyed.found.excess <= MISFIT
+    explained = surveyed.found.explained
     moved = furthest(told, explained=explained)
     if moved and not explained:
         moved = f"{moved} Whether the geometry is wrong is not known before the cause is named (fidim explain)."
