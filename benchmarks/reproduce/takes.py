@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.importers.grab_results import Processed
+from benchmarks.reproduce.processed import Processed
 from fidim_lab.data.records import Body, Pose, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.equations import tls

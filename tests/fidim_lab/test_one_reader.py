@@ -15,7 +15,6 @@ ALLOWED = {
     "fidim_lab/data/files/input_file.py": "the reader itself",
     "fidim_lab/data/files/toml_file.py": "parses what input_file has read",
     "fidim_lab/data/files/whole_file.py": "writes",
-    "fidim_lab/effects/table.py": "a page of our own docs, written anew by its command",
     "fidim_lab/app/report/pages/html.py": "a template within the package",
     "fidim_lab/app/formats/key_words.py": "a table within the package",
     "fidim_lab/app/records/export_robot.py": "a template within the package",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from benchmarks.reproduce.processed import read_bodies, read_processed
 from fidim_lab.app import cli
-from fidim_lab.data.importers.grab_results import read_bodies, read_processed
 from fidim_lab.errors import FileError
 
 Capsys = pytest.CaptureFixture[str]

@@ -8,6 +8,7 @@ import pytest
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
+from benchmarks.reproduce.processed import Processed, motion_of, read_bodies, read_processed
 from benchmarks.reproduce.takes import (
     by_free_coordinates,
     by_full_pose,
@@ -16,7 +17,6 @@ from benchmarks.reproduce.takes import (
 )
 from fidim_lab.data import paper
 from fidim_lab.data.importers.grab import FITTED, VALIDATED, read_grab
-from fidim_lab.data.importers.grab_results import Processed, motion_of, read_bodies, read_processed
 from fidim_lab.data.records import Body, Robot
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from docs.tools.effects import page
 from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
-from fidim_lab.effects.table import page
 from fidim_lab.errors import SetupError
 
 IDS = [  # spec/model.md §5, in its order
@@ -168,7 +168,7 @@ def test_equivalences_name_effects_of_the_catalogue():
 
 def test_the_page_in_docs_is_current():
     text = DOCS.read_text(encoding="utf-8")
-    assert page(text) == text, "run: python -m fidim_lab.effects.table docs/effects.md"
+    assert page(text) == text, "run: python -m docs.tools.effects docs/effects.md"
 
 
 def test_the_worked_example_works():

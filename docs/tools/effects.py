@@ -1,4 +1,4 @@
-"""The catalogue's table in docs/effects.md, from the code: `python -m fidim_lab.effects.table docs/effects.md`."""
+"""The catalogue's table in docs/effects.md, from the code: `python -m docs.tools.effects docs/effects.md`."""
 
 import sys
 from pathlib import Path
