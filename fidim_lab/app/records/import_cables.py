@@ -13,9 +13,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
-from fidim_lab.app.records.import_poses import CLEAR, STRAY
+from fidim_lab.app.records.import_poses import CLEAR
 from fidim_lab.app.records.import_readings import SURVEYED
 
+AGREES = 5e-3
+"""m, to which lengths of a log and of the poses agree in the right order: zeros differ from take to take by less"""
 CHANCE = 1e-3
 """probability below which another order is no accident"""
 
@@ -86,7 +88,7 @@ def _best(logged: Lengths, seen: Lengths, numbers: int) -> CableOrder | None:
     rows = np.arange(n)
     as_read, fits = (float(np.sqrt(squares[rows, columns].mean())) for columns in (rows, order))
     unlike = numbers > 0 and factorial(n) * (max(fits, SURVEYED) / max(as_read, SURVEYED)) ** numbers < CHANCE
-    if fits > STRAY or not unlike or _second(squares, order) < CLEAR * fits:
+    if fits > AGREES or not unlike or _second(squares, order) < CLEAR * fits:
         return None
     return CableOrder(tuple(int(k) + 1 for k in order), as_read, fits)
 

@@ -95,6 +95,7 @@ def thousands(swing: Swing, decimal: str) -> str:
 
 HEADING = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """y upwards, with the robot's x as z"""
+OBLIQUE = np.array([[0.8, -0.48, 0.36], [0.6, 0.64, -0.48], [0.0, 0.6, 0.8]])
 DOWNWARDS = np.diag([1.0, -1.0, -1.0])
 
 
@@ -126,6 +127,11 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], str]] = {
     "a mirrored axis": ("csv", lambda s: joined(table(s, turn=MIRROR)), "mirror image"),
     "axes exchanged": ("csv", lambda s: joined(table(s, turn=EXCHANGED)), "mirror image"),
     "a mirrored take": ("motive-csv", lambda s: motive(s, rotation="XYZ", sign=-1), "mirror image"),
+    "another frame": (
+        "csv",
+        lambda s: joined(table(s, turn=OBLIQUE)),
+        "the motion-capture frame or the body frame is not",
+    ),
     "nothing": ("vicon-csv", lambda s: " \r\n", "is empty"),
 }
 

@@ -192,16 +192,19 @@ def test_every_format_gives_the_same_window(name: str, swing: Swing, tmp_path: P
 
 
 @pytest.mark.parametrize("up", ["x", "y"])
-def test_an_axis_that_fits_worse_than_another_is_asked_about(up: str, swing: Swing, tmp_path: Path, monkeypatch):
+def test_an_axis_that_does_not_fit_is_refused_with_the_one_that_does(
+    up: str, swing: Swing, tmp_path: Path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     write_robot(tmp_path / "robot.toml", swing.robot)
     arguments = ["import", *vicon(swing, tmp_path), "--robot", "robot.toml", "--out", "out", "--up", up]
     done = CliRunner().invoke(fidim, arguments)
-    assert "is --up z meant?" in done.output.replace("\n", " ")
+    assert done.exit_code == 1
+    assert "Say --up z." in done.output.replace("\n", " ")
 
 
 def test_an_axis_with_which_cables_would_stretch_is_refused_with_the_one_that_fits(tmp_path: Path, monkeypatch):
-    """A swing of 30 mm: with another axis upwards the locked cables would have to stretch by more than 5 mm."""
+    """A swing of 30 mm: with another axis upwards the locked cables would have to stretch by more than 2 mm."""
     monkeypatch.chdir(tmp_path)
     invoke = CliRunner().invoke
     assert invoke(fidim, ["init", "robot"]).exit_code == 0

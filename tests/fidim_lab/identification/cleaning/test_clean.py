@@ -119,6 +119,14 @@ def test_times_of_arrival_become_even(recorded: Make, bunched: bool):
     assert "times of arrival" in found.notes[0]
 
 
+def test_jitter_below_the_noise_is_told_where_many_markers_are_seen(recorded: Make):
+    campaign, random = recorded(noise=2e-3, cluster=True), np.random.default_rng(4)
+    windows = (replace(w, t=w.t + random.exponential(4e-3, len(w.t)).clip(max=9e-3)) for w in campaign.windows)
+    found = clean_recordings(replace(campaign, windows=tuple(windows))).recordings
+    for window in found.campaign.windows:
+        np.testing.assert_allclose(np.diff(window.t), 0.01, atol=1e-9)
+
+
 def test_true_uneven_stamps_stay(recorded: Make):
     """Samples that were taken when their stamps say are as smooth on them as on any grid."""
     campaign = recorded(noise=NOISE)
