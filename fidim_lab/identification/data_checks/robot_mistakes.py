@@ -67,7 +67,8 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
         return before < DATA_CHECKS.robot_mistakes_fitted and after > DATA_CHECKS.robot_mistakes_noise * noise
 
     open_ = len(fitted) < len(PLACED)
-    if _cures(before, best) and not (open_ and best > DATA_CHECKS.robot_mistakes_part):
+    guessed = open_ and best > DATA_CHECKS.robot_mistakes_part and before > DATA_CHECKS.hopeless
+    if _cures(before, best) and not guessed:
         return tuple(
             replace(_mistake(change, before, after), doubtful=(after, change) in fitted and doubtful(after))
             for after, change in tried[:3]
