@@ -101,9 +101,8 @@ class Drive:
         """The newest values of a drive without a fault. Raises DeviceError with the fault in words."""
         fault = self.fault()
         if self.link.brought_up and fault:
-            raise DeviceError(
-                self._config.device, f"{fault}.", hint="Find the cause, then acknowledge it (reset_fault) or configure."
-            )
+            hint = "Find the cause; then `fidim power-off RIG --acknowledge NAME` resets the fault."
+            raise DeviceError(self._config.device, f"{fault}.", hint=hint)
         return self.believed()
 
     # confirmed commands ---------------------------------------------------------------------------------------------
