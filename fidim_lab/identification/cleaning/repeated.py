@@ -6,7 +6,6 @@ for longer is a fault of its own, which screening names; one that comes again la
 """
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool
@@ -14,7 +13,7 @@ from jaxtyping import Bool
 from fidim_lab.arrays import runs
 from fidim_lab.data.missing import FEWEST_HELD
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, counted, without_samples
+from fidim_lab.identification.cleaning.removed import CleanRecordings, without_each
 
 BY_CHANCE = 0.05
 """share of the repeated frames of a window that rounding may make"""
@@ -23,16 +22,7 @@ WHY = "repeats the frame before"
 
 def without_repeated(campaign: Campaign) -> CleanRecordings:
     """Repeated frames become missing samples."""
-    windows: list[Window] = []
-    removed: list[Removed] = []
-    for window in campaign.windows:
-        kept, out = without_samples(window, _repeated(window), WHY)
-        windows.append(kept)
-        removed += out
-    if not removed:
-        return CleanRecordings(campaign)
-    notes = counted(tuple(removed), "repeat the frame before to the last digit")
-    return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), notes)
+    return without_each(campaign, _repeated, WHY, "repeat the frame before to the last digit")
 
 
 def _repeated(window: Window) -> Bool[np.ndarray, "N M"]:
