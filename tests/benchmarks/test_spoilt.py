@@ -59,8 +59,8 @@ def test_the_page_counts_each_verdict_once():
     assert "| two kinds | 1 | 0 | 1 | 0 | 0 | 9.0 |" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [39, 72])
-@pytest.mark.sampled(1)
 def test_another_body_is_found_by_one_marker_though_a_wide_geometry_nearly_explains_it(number: int):
     (one,) = run([number], 707, [NAMED["another body in one window"]])
     assert one.verdict is Verdict.RIGHT, one.says
