@@ -4,7 +4,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
-from pathlib import Path
 
 import numpy as np
 
@@ -35,7 +34,8 @@ def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take
     """
     matched: list[Take] = []
     used: set[int] = set()
-    own_of_takes, own_of_logs = (_own_words([one.stem for one in sources]) for sources in _sources(takes, logs))
+    own_of_takes = _own_words([take.markers.source.stem for take in takes])
+    own_of_logs = _own_words([log.source.stem for log in logs])
     for take, own in zip(takes, own_of_takes, strict=True):
         stem = take.markers.source.stem
         fitting = [k for k, log in enumerate(logs) if log.source.stem == stem]
@@ -52,10 +52,6 @@ def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take
         used.update(fitting)
         matched.append(replace(take, log=logs[fitting[0]]) if fitting else take)
     return tuple(matched), tuple(log.source.name for k, log in enumerate(logs) if k not in used)
-
-
-def _sources(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[list[Path], list[Path]]:
-    return [take.markers.source for take in takes], [log.source for log in logs]
 
 
 def _own_words(stems: Sequence[str]) -> list[tuple[str, ...]]:

@@ -38,7 +38,7 @@ class CableTorsion(NamedEffect):
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """−∂V."""
         turns = [(_turn(state, cable.direction), cable.free_length) for cable in state.cables]
-        each = ((theta[0] / 2 * turn**2 - theta[1] * turn) / length for turn, length in turns)
+        each = (_energy(turn, theta) / length for turn, length in turns)
         return -state.gradient(sum(each, ca.SX(0)))
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
@@ -63,14 +63,18 @@ class HoseTorsion(NamedEffect):
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """−∂V."""
-        turn = _turn(state, ca.SX([0.0, 0.0, 1.0]))
-        return -state.gradient(theta[0] / 2 * turn**2 - theta[1] * turn)
+        return -state.gradient(_energy(_turn(state, ca.SX([0.0, 0.0, 1.0])), theta))
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """That rod again."""
         del context
         why = "a hose twists more easily than a steel rod of 6 mm"
         return {"k": Limit(STIFFEST_HOSE, why), "p": Limit(STIFFEST_HOSE * TURNS, why)}
+
+
+def _energy(turn: ca.SX, theta: ca.SX) -> ca.SX:
+    """½ k φ² − p φ."""
+    return theta[0] / 2 * turn**2 - theta[1] * turn
 
 
 def _turn(state: PlatformState, axis: ca.SX) -> ca.SX:

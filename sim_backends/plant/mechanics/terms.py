@@ -134,20 +134,24 @@ def _cable_torsion(platform: Platform, effect: HiddenEffect) -> Wrench:
     force = moment = ca.SX.zeros(3)
     for end, cable in zip(platform.cables, platform.world.cables, strict=True):
         bend = end.tangent
-        about = ca.dot(v, bend.along)
-        twist, size = 2 * ca.atan(about / w), w**2 + about**2
+        twist, by_turning, size = _twist(platform, bend.along)
         torque = (effect["p"] - effect["k"] * twist) / bend.free
-        by_turning = (w**2 * bend.along + w * ca.cross(v, bend.along) + about * v) / size
         wrapping = ca.dot(bend.normal, v) / bend.free * bend.normal
         swivelling = ca.dot(bend.across, v) * ca.dot(bend.along, bend.outward) / bend.lever * bend.across
         stored = (effect["k"] / 2 * twist - effect["p"]) * twist / bend.free
         shortening = stored / bend.free * (bend.along - cable.radius / bend.free * bend.normal)
         here = _at(end.point, torque * 2 * w / size * (wrapping + swivelling) + shortening)
         force, moment = force + here.force, moment + here.moment + torque * by_turning
-    heading = 2 * ca.atan(v[2] / w)
-    share = ca.vertcat(w * v[1] + v[2] * v[0], v[2] * v[1] - w * v[0], w**2 + v[2] ** 2) / (w**2 + v[2] ** 2)
-    moment = moment - effect["hose"] * heading * share
-    return Wrench(force, moment)
+    heading, by_turning, _ = _twist(platform, ca.SX([0.0, 0.0, 1.0]))
+    return Wrench(force, moment - effect["hose"] * heading * by_turning)
+
+
+def _twist(platform: Platform, axis: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The platform's turn about an axis (rad), its rate for each rad/s of ω (3), and w² + (v·axis)²."""
+    w, v = platform.quaternion[0], platform.quaternion[1:4]
+    about = ca.dot(v, axis)
+    size = w**2 + about**2
+    return 2 * ca.atan(about / w), (w**2 * axis + w * ca.cross(v, axis) + about * v) / size, size
 
 
 def _constant_force(platform: Platform, effect: HiddenEffect) -> Wrench:
