@@ -1,12 +1,12 @@
 """A campaign without bus, cameras and procedure: what `fidim simulate` writes. The quick way to known truth."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from fidim_lab.arrays import PerCable
+from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Pose, Robot, Window
 from fidim_lab.errors import InfeasibleError
 from sim_backends.plant.mechanics import Rest
@@ -18,6 +18,8 @@ from sim_backends.plant.world import World
 
 BETWEEN = 60.0
 """s of plant time from one window to the next: periodic effects meet each window with another phase"""
+MILD = 0.7
+"""of a displacement, where the free motion left the tensions' limits: the true body is not the one of the plan"""
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,30 @@ def simulate_campaign(
             watch(recorded)
     campaign = Campaign(name=plan.name, robot=robot, sample_rate=recording.rate, windows=tuple(windows))
     return campaign, truth_of(world, plan.name) | {"slack": slack}
+
+
+def can_rest(platform: SimulatedPlatform) -> Callable[[Vector3, PerCable, np.ndarray], bool]:
+    """Trying places out in the simulated world, as one does in a laboratory: its body is not the nominal one.
+
+    Takes the main marker's place (m), the lengths (m) and a displacement (m); for `random_plan`.
+    """
+
+    def works(place: Vector3, lengths: PerCable, displacement: np.ndarray) -> bool:
+        near = Pose(place - platform.world.markers[0], np.eye(3))
+        try:
+            platform.rest(lengths, near)
+            platform.rest(lengths, near, displacement)
+        except InfeasibleError:
+            return False
+        return True
+
+    return works
+
+
+def displaced_less(plan: Plan, ids: Collection[str]) -> Plan:
+    """The plan with smaller displacements in some windows, as an operator would do it."""
+    windows = (replace(w, displacement=MILD * w.displacement) if w.id in ids else w for w in plan.windows)
+    return replace(plan, windows=tuple(windows))
 
 
 def truth_of(world: World, name: str, seed: int | None = None) -> dict[str, object]:

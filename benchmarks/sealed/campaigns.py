@@ -1,27 +1,29 @@
 """Campaigns with a secret, for the benchmark: planned, simulated in either world, with their truth."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fidim_lab.app.compose.simulated import simulated_world
-from fidim_lab.arrays import PerCable, Vector3
-from fidim_lab.data.records import Campaign, Plan, Pose, Robot
+from fidim_lab.data.records import Campaign, Plan, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.mujoco_world.forces import SUPPORTED
 from sim_backends.mujoco_world.plant import MujocoPlant
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
-from sim_backends.plant.world import World
-from sim_backends.simulate import RecordedWindow, Sampling, SimulatedPlatform, simulate_campaign
+from sim_backends.simulate import (
+    RecordedWindow,
+    Sampling,
+    SimulatedPlatform,
+    can_rest,
+    displaced_less,
+    simulate_campaign,
+)
 
 NATIVE, MUJOCO = "native", "mujoco"
-MILD = 0.7
-"""of the displacement, where a cable went slack: the true body is not the one of the plan"""
 MILDER = 4
-"""times that it is tried"""
+"""times that a window in which a cable went slack is recorded again, displaced less"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +56,12 @@ def sealed_campaign(recipe: SealedRecipe, *, noise: float = 1.0) -> tuple[Campai
     """
     world = simulated_world(recipe.robot, recipe.seed, recipe.hide)
     platform = MujocoPlant(world) if recipe.backend == MUJOCO else Plant(world)
-    plan = random_plan(recipe.robot, recipe.name, *recipe.windows, recipe.seed, trial=_trial(platform))
+    plan = random_plan(recipe.robot, recipe.name, *recipe.windows, recipe.seed, trial=can_rest(platform))
     for _ in range(MILDER):
         campaign, truth, slack = _recorded(recipe, plan, platform, noise)
         if not slack:
             return campaign, truth | {"backend": recipe.backend, "seed": recipe.seed}
-        plan = _milder(plan, slack)
+        plan = displaced_less(plan, slack)
     raise InfeasibleError(f"{recipe.name}: a cable goes slack however little the platform is displaced.")
 
 
@@ -86,24 +88,3 @@ def _recorded(
     if not recipe.lengths:
         campaign = replace(campaign, windows=tuple(replace(w, lengths=None) for w in campaign.windows))
     return campaign, truth, slack
-
-
-def _milder(plan: Plan, slack: set[str]) -> Plan:
-    windows = (replace(w, displacement=MILD * w.displacement) if w.id in slack else w for w in plan.windows)
-    return replace(plan, windows=tuple(windows))
-
-
-def _trial(platform: SimulatedPlatform) -> Callable[[Vector3, PerCable, np.ndarray], bool]:
-    """Trying places out in the true world, as one does in a laboratory."""
-    world: World = platform.world
-
-    def works(place: Vector3, lengths: PerCable, displacement: np.ndarray) -> bool:
-        near = Pose(place - world.markers[0], np.eye(3))
-        try:
-            platform.rest(lengths, near)
-            platform.rest(lengths, near, displacement)
-        except InfeasibleError:
-            return False
-        return True
-
-    return works

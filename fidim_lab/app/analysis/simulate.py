@@ -6,7 +6,7 @@ A campaign appears whole or not at all: it is written beside its place and then 
 
 import json
 import shutil
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,14 +20,13 @@ from fidim_lab.app import compose
 from fidim_lab.app.analysis.possible_robot import require_possible
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
-from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.campaign import INDEX, refuse_taken, write_campaign
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import write_plan
-from fidim_lab.data.records import Campaign, Plan, Pose, Robot, Window
+from fidim_lab.data.records import Campaign, Plan, Robot, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.errors import InfeasibleError, SetupError, of_file
-from fidim_lab.identification.random_plan import WITHIN_LIMITS, Trial, random_plan
+from fidim_lab.errors import SetupError, of_file
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.units import millimetres
 from sim_backends.mujoco_world.plant import MujocoPlant
 from sim_backends.plant.hidden import KNOWN, HiddenEffect
@@ -35,15 +34,20 @@ from sim_backends.plant.own_sensors import OwnNoise
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World
-from sim_backends.simulate import RecordedWindow, Sampling, SimulatedPlatform, simulate_campaign
+from sim_backends.simulate import (
+    RecordedWindow,
+    Sampling,
+    SimulatedPlatform,
+    can_rest,
+    displaced_less,
+    simulate_campaign,
+)
 
 FORMAT = "fidim-simulation/1"
 TRUTH = "truth.json"
 PLAN = "plan.toml"
-MILD = 0.7
-"""of the displacement, for a window whose tensions left their limits (Eq. 42): the body is not the one of the plan"""
 MILDER = 3
-"""times that it is tried; then the window stays, and is told of"""
+"""times that a window whose tensions left their limits (Eq. 42) is displaced less; then it stays, and is told of"""
 
 
 @dataclass(frozen=True)
@@ -130,44 +134,21 @@ def _simulate(robot: Robot, platform: SimulatedPlatform, options: SimulateOption
     name = options.out.resolve().name
     with _Progress("planning equilibria with room to swing", wanted) as shown:
         numbers = (options.equilibria, options.validation, options.seed)
-        plan = random_plan(robot, name, *numbers, taste=WITHIN_LIMITS, progress=shown.reached, trial=_trial(platform))
+        plan = random_plan(robot, name, *numbers, taste=WITHIN_LIMITS, progress=shown.reached, trial=can_rest(platform))
     done = _recorded(robot, plan, platform, options)
     for _ in range(MILDER):
         outside = _outside(done)
         if not outside:
             break
         console.warn([f"tensions leave their limits in {', '.join(outside)}; recorded again, displaced less"])
-        done = _recorded(robot, _milder(done.plan, outside), platform, options)
+        done = _recorded(robot, displaced_less(done.plan, outside), platform, options)
     return done
-
-
-def _trial(platform: SimulatedPlatform) -> Trial:
-    """Trying places out in the simulated world, as one does in a laboratory: its body is not the nominal one."""
-
-    def works(place: Vector3, lengths: PerCable, displacement: np.ndarray) -> bool:
-        near = Pose(place - platform.world.markers[0], np.eye(3))
-        try:
-            platform.rest(lengths, near)
-            platform.rest(lengths, near, displacement)
-        except InfeasibleError:
-            return False
-        return True
-
-    return works
 
 
 def _outside(done: Simulated) -> list[str]:
     """The windows in which the true tensions left the robot's limits at some time of the free motion."""
     low, high = done.campaign.robot.limits.tension
     return sorted(r.window.id for r in done.recorded if r.slack or r.tension[0] < low or r.tension[1] > high)
-
-
-def _milder(plan: Plan, ids: Sequence[str]) -> Plan:
-    """The plan with smaller displacements in some windows, as an operator would do it."""
-    return replace(
-        plan,
-        windows=tuple(replace(w, displacement=MILD * w.displacement) if w.id in ids else w for w in plan.windows),
-    )
 
 
 def _recorded(robot: Robot, plan: Plan, platform: SimulatedPlatform, options: SimulateOptions) -> Simulated:

@@ -19,7 +19,7 @@ from fidim_lab.data.robot_file import write_robot
 from fidim_lab.identification.random_plan import Taste, random_plan
 from sim_backends.plant.motion import SlackInterval
 from sim_backends.plant.sensors import Noise
-from sim_backends.simulate import Sampling, simulate_campaign
+from sim_backends.simulate import MILD, Sampling, simulate_campaign
 
 SMALL = ("--equilibria", "1", "--validate", "1")
 
@@ -252,7 +252,7 @@ def test_a_window_beyond_the_tension_limits_is_recorded_again_displaced_less(
     assert cli.run(["simulate", "--robot", robot_file, "--out", str(tmp_path / "camp"), *SMALL]) == 0
     assert "tensions leave their limits in i01; recorded again" in " ".join(capsys.readouterr().err.split())
     before, after = ({w.id: w.displacement for w in plan.windows} for plan in plans)
-    np.testing.assert_allclose(after["i01"], command.MILD * before["i01"])
+    np.testing.assert_allclose(after["i01"], MILD * before["i01"])
     np.testing.assert_array_equal(after["v01"], before["v01"])
     np.testing.assert_allclose(
         read_plan(tmp_path / "camp" / "plan.toml", 4).windows[0].displacement, after["i01"], atol=1e-5
