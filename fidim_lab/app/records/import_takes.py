@@ -103,15 +103,15 @@ def _without_exchanged(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:
 def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
     posed = pose_take(mechanism, take.markers, asked)
     free = find_free_motion(mechanism, posed.t, posed.positions, posed.rotations)
-    if not free.stretches:
+    if not free:
         raise RefusedError("no free motion of 3 s or more was found", hint="Let go of the platform while recording.")
     said = (*take.markers.decided, *(take.log.decided if take.log else ()), *posed.decided)
     warnings = list(posed.warnings)
     windows: list[Window] = []
     shown: list[np.ndarray] = []
-    for number, stretch in enumerate(free.stretches, start=1):
+    for number, stretch in enumerate(free, start=1):
         rows = (posed.t >= stretch.begin - 1e-9) & (posed.t <= stretch.end + 1e-9)
-        name = take.id if len(free.stretches) == 1 else f"{take.id}-{number}"
+        name = take.id if len(free) == 1 else f"{take.id}-{number}"
         warnings += _doubts(name, posed.names, posed.markers[rows], posed.rms[rows])
         by_log = logged(mechanism, take, posed, rows)
         shown.append(rows)

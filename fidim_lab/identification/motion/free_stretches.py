@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import Positions, Rotations, Series, runs
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.motion.hand_free import moving_mean, smooth_motion
+from fidim_lab.identification.motion.hand_free import FreeStretch, moving_mean, sampling_step, smooth_motion
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.regressor import parameter_vector, platform_regressor
 
@@ -41,51 +41,15 @@ class StretchRule:
     """m, by which rotations are made comparable with translations"""
 
 
-@dataclass(frozen=True)
-class FreeStretch:
-    """One free stretch."""
-
-    begin: float
-    """s"""
-    end: float
-    """s"""
-
-    @property
-    def duration(self) -> float:
-        """s"""
-        return self.end - self.begin
-
-
-@dataclass(frozen=True, eq=False)
-class FreeStretches:
-    """What the rule found."""
-
-    stretches: tuple[FreeStretch, ...]
-    """in the order of time"""
-    residual: Series
-    """m/s², averaged; of every sample"""
-    level: float
-    """m/s², its median while the platform moves"""
-
-
 def find_free_motion(
     mechanism: Mechanism, t: Series, positions: Positions, rotations: Rotations, rule: StretchRule | None = None
-) -> FreeStretches:
-    """Find the free stretches of one recording.
-
-    Args:
-        mechanism: geometry and nominal body.
-        t: (N,) s, even steps.
-        positions: (N, 3) of P, world frame, m; NaN where there is no pose.
-        rotations: (N, 3, 3) body → world.
-        rule: the thresholds; the fixed ones unless given.
+) -> tuple[FreeStretch, ...]:
+    """Find the free stretches of one recording, in the order of time; arguments as of `find_hand_free`.
 
     Raises RefusedError where the recording is too short or nothing moves, InfeasibleError at a singular pose.
     """
     rule = rule or StretchRule()
-    step = float(np.median(np.diff(t)))
-    if len(t) * step < 2 * rule.shortest:
-        raise RefusedError(f"{len(t) * step:.1f} s are too short to look for free motion in.")
+    step = sampling_step(t, rule.shortest)
     motion = smooth_motion(t, positions, rotations, rule.low_pass)
     scale = np.array([1.0, 1.0, 1.0, rule.arm, rule.arm, rule.arm])
     free = _free_directions(mechanism.structure_matrix(motion.positions, motion.rotations) / scale)
@@ -103,7 +67,7 @@ def find_free_motion(
     level = float(np.median(residual[moves]))
     calm = moves & (residual < rule.factor * level + rule.least)
     found = (FreeStretch(float(t[a]), float(t[b - 1])) for a, b in runs(calm))
-    return FreeStretches(tuple(s for s in found if s.duration >= rule.shortest), residual, level)
+    return tuple(stretch for stretch in found if stretch.duration >= rule.shortest)
 
 
 def _free_directions(structure: Float[np.ndarray, "N n 6"]) -> Float[np.ndarray, "N 6 6"]:

@@ -8,10 +8,12 @@ the mass does not matter. `find_hand_free` applies it to poses over time and say
 Directions of soft cables count as free: where cables meet nearly in one point, a singular value of Ξ is so small that
 the direction belongs to the motion (the yaw of such a robot is where a hand would otherwise go unseen).
 
-The rule needs a nominal body. A hand lighter than its limits looks like damping and survives.
+The rule needs a nominal body. A hand lighter than its limits looks like damping and survives. It compares with the
+inertial forces, so it stands a geometry that is wrong by millimetres in a soft direction; where swings are slow and no
+direction is soft, `free_stretches` finds more.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -63,22 +65,28 @@ class Cut(StrEnum):
 
 
 @dataclass(frozen=True)
-class HandFreeWindow:
-    """One stretch without a hand."""
+class FreeStretch:
+    """A time of free motion."""
 
     begin: float
     """s"""
     end: float
     """s"""
-    before: Cut
-    after: Cut
-    says: str
-    """why it begins and ends there, with the values, for people"""
 
     @property
     def duration(self) -> float:
         """s"""
         return self.end - self.begin
+
+
+@dataclass(frozen=True)
+class HandFreeWindow(FreeStretch):
+    """One stretch without a hand."""
+
+    before: Cut
+    after: Cut
+    says: str
+    """why it begins and ends there, with the values, for people"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +132,7 @@ def find_hand_free(
     Raises RefusedError where the recording is too short for the rule, InfeasibleError at a singular pose.
     """
     rule = rule or HandFreeRule()
-    step = float(np.median(np.diff(t)))
-    if len(t) * step < 2 * rule.shortest:
-        raise RefusedError(f"{len(t) * step:.1f} s are too short to look for hand-free windows in.")
+    step = sampling_step(t, rule.shortest)
     missing = np.any(np.isnan(positions), axis=1)
     motion = smooth_motion(t, positions, rotations, rule.low_pass)
     balance = newton_euler_balance(mechanism, motion, rule)
@@ -134,13 +140,21 @@ def find_hand_free(
     reasons = _reasons(balance, missing, rule)
     free = np.array([reason is None for reason in reasons])
     stretches = [_window(t, begin, end, reasons, balance) for begin, end in runs(free)]
-    trimmed = [_trimmed(window, rule.trim) for window in stretches]
+    trimmed = [replace(window, begin=window.begin + rule.trim, end=window.end - rule.trim) for window in stretches]
     return HandFree(
         windows=tuple(window for window in trimmed if window.duration >= rule.shortest),
         too_short=tuple(window for window in trimmed if 0.0 < window.duration < rule.shortest),
         balance=balance,
         reasons=reasons,
     )
+
+
+def sampling_step(t: Series, shortest: float) -> float:
+    """The step of even times, s. Raises RefusedError where two of the shortest stretches (s) do not fit in."""
+    step = float(np.median(np.diff(t)))
+    if len(t) * step < 2 * shortest:
+        raise RefusedError(f"{len(t) * step:.1f} s are too short to look for free motion in.")
+    return step
 
 
 def smooth_motion(t: Series, positions: Positions, rotations: Rotations, low_pass: float) -> Motion:
@@ -243,10 +257,6 @@ def _words(cut: Cut, balance: SampleBalance, row: int) -> str:
             return f"{cut.value} ({balance.residual[row]:.2f} of the inertial forces)"
         case _:
             return cut.value
-
-
-def _trimmed(window: HandFreeWindow, trim: float) -> HandFreeWindow:
-    return HandFreeWindow(window.begin + trim, window.end - trim, window.before, window.after, window.says)
 
 
 def moving_mean(values: np.ndarray, samples: int) -> Series:
