@@ -3,7 +3,6 @@
 import asyncio
 import math
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,7 +155,7 @@ def test_healthy_drives_are_proven_and_left_without_power(tmp_path):
 def without(*objects):
     """A config whose drive has not these objects, as its family file says."""
     family = DriveFamily(name="lacking", absent=dict.fromkeys(objects, "proven by trial"))
-    return lambda config: replace(config, family=family)
+    return lambda config: config.changed(family=family)
 
 
 def watches_sync(drive):

@@ -1,7 +1,6 @@
 """Winches in cyclic synchronous position mode, and the modes of commissioning, on simulated drives."""
 
 import asyncio
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +43,7 @@ def config(node=1, **change):
         direction=1 if node % 2 else -1,
         mode=Mode.CYCLIC_POSITION,
     )
-    return replace(usual, **change)
+    return usual.changed(**change)
 
 
 class Hall:

@@ -1,7 +1,6 @@
 """Two readings of the standard against each other: drivers.cia402 drives the simulated nodes, in process and live."""
 
 import asyncio
-from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -143,7 +142,7 @@ def test_the_driver_refuses_a_wrong_drive(damage, says):
 
 def make_picky(rig):
     winch = rig.winches[0]
-    winch.config = replace(winch.config, product_code=8)
+    winch.config = winch.config.changed(product_code=8)
     return winch
 
 

@@ -1,17 +1,16 @@
 """Safe torque off as a drive tells it, and a brake by hand: our drivers on simulated drives."""
 
 import asyncio
-from dataclasses import replace
 
 import pytest
 
 from drivers.cia402.bring_up import Standing, inspect
 from drivers.cia402.dictionary import GENERIC_EDS, Load, WinchConfig
 from drivers.cia402.motion import Cia402Winch, pull_taut
-from drivers.cia402.profile import Signal
 from drivers.cia402.watch import CanopenMaster, set_brake
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
+from fidim_lab.data.rigs.rig_winch_tables import Signal
 from fidim_lab.errors import DeviceError, RefusedError
 from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
@@ -31,8 +30,8 @@ CONFIG = WinchConfig(
     max_acceleration=2.0,
     length_limits=(0.3, 3.0),
     home_length=1.0,
-    sto=Signal(3),
-    brake_output=Signal(0),
+    sto=Signal(bit=3),
+    brake_output=Signal(bit=0),
 )
 
 
@@ -74,10 +73,10 @@ def on_a_bus(work, config=CONFIG, shaft=DrumShaft):
 
 
 def test_a_bit_at_its_level():
-    low = Signal(2, active=0)
+    low = Signal(bit=2, active=0)
     assert low.is_active(0b011)
     assert not low.is_active(0b100)
-    assert (low.put(0b111, True), low.put(0b001, False), Signal(0).put(0b10, True)) == (0b011, 0b101, 0b11)
+    assert (low.put(0b111, True), low.put(0b001, False), Signal(bit=0).put(0b10, True)) == (0b011, 0b101, 0b11)
 
 
 def test_no_drive_is_enabled_with_safe_torque_off_and_that_is_said():
@@ -191,9 +190,9 @@ def test_a_cable_that_is_paid_out_meanwhile_is_stopped():
 
 def test_a_drive_that_tells_torque_is_told_torque():
     """6071 is a part of the rated torque there: 0.5 A are 0.1 N m, 50 per mille of 2 N m."""
-    by_torque = replace(CONFIG, load=Load.TORQUE, rated_torque=2.0, torque_constant=0.2)
+    by_torque = CONFIG.changed(load=Load.TORQUE, rated_torque=2.0, torque_constant=0.2)
     assert (CONFIG.torque_digits(0.5), by_torque.torque_digits(0.5)) == (100, 50)
-    assert replace(CONFIG, current_offset=0.1).torque_digits(0.5) == 80, "0.1 A are its ammeter's"
+    assert CONFIG.changed(current_offset=0.1).torque_digits(0.5) == 80, "0.1 A are its ammeter's"
 
 
 class Endless(Slack):
@@ -230,4 +229,4 @@ def test_a_drive_without_such_an_output():
         with pytest.raises(DeviceError, match="no brake that can be released by hand"):
             await set_brake(winch.link, winch.config.brake_output, "winch", applied=False)
 
-    on_a_bus(work, replace(CONFIG, brake_output=None))
+    on_a_bus(work, CONFIG.changed(brake_output=None))

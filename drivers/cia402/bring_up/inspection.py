@@ -11,12 +11,13 @@ from drivers.cia402.bring_up.zero import check_zero
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, limits
 from drivers.cia402.profile.machine import state_of
-from drivers.cia402.profile.signals import INPUTS, STO_HINT, Signal
+from drivers.cia402.profile.signals import INPUTS, STO_HINT
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.emcy import COMMUNICATION, GENERIC
 from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Mappable, PdoMap, VendorEntry, mapping_expected
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 from drivers.ports import DriveState
+from fidim_lab.data.rigs.rig_winch_tables import Signal
 
 HOME = "fidim run PLAN --rig RIG --procedure home"
 FACTORS = "correct the rig file or the drive; an object that it has but does not use: absent, in a family file"

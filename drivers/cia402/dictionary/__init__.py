@@ -3,7 +3,7 @@
 In: a rig entry, an EDS, a family of drives. Out: a WinchConfig, Abilities, a table of grades.
 """
 
-from drivers.cia402.dictionary.config import GENERIC_EDS, Load, TemperatureObject, WinchConfig
+from drivers.cia402.dictionary.config import GENERIC_EDS, Load, WinchConfig
 from drivers.cia402.dictionary.family import AmpereObject, DriveFamily, family_path, read_family
 from drivers.cia402.dictionary.requirements import Graded, Met, TrialPassed
 from drivers.cia402.dictionary.settings import stop_settings
@@ -15,7 +15,6 @@ __all__ = [
     "Graded",
     "Load",
     "Met",
-    "TemperatureObject",
     "TrialPassed",
     "WinchConfig",
     "family_path",

@@ -1,69 +1,26 @@
-"""The rig file's values of one winch, checked once at the boundary."""
+"""What the driver of one winch goes by: the settings of its rig file, checked once, and what belongs to its drive."""
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Any, Self
+
+from pydantic import ModelWrapValidatorHandler, ValidationError, model_validator
 
 from drivers.cia402.dictionary.family import GENERIC_FAMILY, DriveFamily, counts_per_digit, ramp_speed
 from drivers.cia402.dictionary.requirements import TrialPassed
 from drivers.cia402.profile.scale import COUNT_MAX, COUNT_MIN, LengthScale
-from drivers.cia402.profile.signals import Signal
 from drivers.cia402.profile.words import Mode
+from fidim_lab.data.files.input_file import place_words
+from fidim_lab.data.files.mistakes import mistakes
+from fidim_lab.data.files.toml_file import Positive
+from fidim_lab.data.rigs.rig_winch_tables import WinchSettings
 from fidim_lab.errors import SetupError
 
 GENERIC_EDS = Path(__file__).parent / "eds" / "generic_cia402.eds"
 """Our own small object dictionary; velocity in counts/s, acceleration in counts/s²."""
 
 MOVING_MODES = (Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION)
-
-
-@dataclass(frozen=True)
-class StopReactions:
-    """What the drive does without us: values of its option codes, written and read back before power is allowed.
-
-    A coasting winch (0) drops its load, so none of these may be 0.
-    """
-
-    quick_stop: int = 6
-    """605A: 6 stops on the quick-stop ramp and holds with power on; 2 takes the power away after the ramp"""
-    halt: int = 1
-    """605D: 1 stops on the profile's ramp and holds"""
-    fault: int = 2
-    """605E: 2 stops on the quick-stop ramp"""
-    connection_lost: int = 3
-    """6007, when the host's heartbeat stops: 3 is quick stop"""
-    communication_error: int = 1
-    """1029:1: 1 stays operational, so that what the drive does stays visible; 0 goes to pre-operational"""
-
-    @property
-    def holds_in_quick_stop(self) -> bool:
-        """Whether the drive keeps holding its load in quick stop (605A is 5 to 8)."""
-        return 5 <= self.quick_stop <= 8
-
-    def mistakes(self) -> list[str]:
-        """What is not allowed, in sentences."""
-        allowed = {
-            "quick_stop": (self.quick_stop, (1, 2, 3, 4, 5, 6, 7, 8)),
-            "halt": (self.halt, (1, 2, 3, 4)),
-            "fault": (self.fault, (1, 2, 3, 4)),
-            "connection_lost": (self.connection_lost, (3,)),
-            "communication_error": (self.communication_error, (0, 1)),
-        }
-        return [
-            f"stop.{key}: {found} found, allowed is one of {', '.join(map(str, values))}"
-            for key, (found, values) in allowed.items()
-            if found not in values
-        ]
-
-
-@dataclass(frozen=True)
-class TemperatureObject:
-    """Where a drive family keeps its temperature: a vendor object, and °C for one digit of it."""
-
-    index: int
-    sub: int = 0
-    scale: float = 1.0
 
 
 class Load(StrEnum):
@@ -90,70 +47,19 @@ class StoredZero:
     """counts by which it may have been turned since"""
 
 
-@dataclass(frozen=True)
-class WinchConfig:
-    """One CANopen winch: node, drum, limits; SI units.
+class WinchConfig(WinchSettings):
+    """One CANopen winch: what its rig file says of it, and what follows from the files beside that; SI units.
 
-    Every check names the key. Raises SetupError, all mistakes at once.
+    Raises SetupError, naming the keys of all mistakes at once.
     """
 
-    name: str
-    node_id: int
-    """1 … 126; 127 is the host's"""
-    counts_per_turn: float
+    counts_per_turn: Positive
     """encoder counts for one turn of the drum, gear included"""
-    drum_radius: float
-    """m, to the middle of the cable"""
-    rated_current: float
-    """A; compared with object 6075"""
-    current_limit: float
-    """A"""
-    max_speed: float
-    """m/s of cable"""
-    max_acceleration: float
-    """m/s²"""
-    length_limits: tuple[float, float]
-    """m, shortest and longest cable; also written as the drive's own position limits"""
-    direction: int = 1
-    """+1 where rising counts pay cable out, −1 otherwise"""
-    reversed: bool = False
-    """whether the drive's polarity (607E) is set; `direction` is as seen with that"""
-    home_count: int = 0
-    home_length: float = 0.0
-    """m, cable length at `home_count`"""
-    quick_stop_deceleration: float = 2.0
-    """m/s². A stop while the platform goes up takes 0.22 of each tension for each m/s² (the paper's robot, 0.05 to
-    0.2 m/s): at 5 all cables hang slack, at 2 they keep half; from 0.1 m/s it takes 2.5 mm"""
-    following_error: float = 0.02
-    """m; the drive faults beyond it"""
-    following_error_time: float = 0.05
-    """s"""
-    heartbeat: float = 0.1
-    """s between the drive's heartbeats"""
-    host_timeout: float = 0.25
-    """s without the host's heartbeat until the drive stops by itself; at least three of the host's periods"""
-    sdo_timeout: float = 0.5
-    """s"""
-    step_timeout: float = 2.0
+    step_timeout: Positive = 2.0
     """s for one step of the drive machine; brakes take their time"""
-    stop: StopReactions = StopReactions()
     eds: Path = GENERIC_EDS
-    vendor_id: int | None = None
-    """1018:1; None takes the EDS file's, 0 is any"""
-    product_code: int | None = None
-    """1018:2"""
-    serial_number: int | None = None
-    """1018:4; name it to notice two winches that changed places"""
-    rated_torque: float | None = None
-    """N m; compared with object 6076, None: not"""
     sample_age: float | None = None
     """s after which a sample is not believed any more; None: ten SYNC periods, at least 0.05 s"""
-    temperature: TemperatureObject | None = None
-    """where the drive family keeps its temperature; None: not asked for"""
-    sto: Signal | None = None
-    """the input (60FD) that is active while safe torque off is; None: none is told"""
-    brake_output: Signal | None = None
-    """the output (60FE) that is active while the brake is applied by hand; None: the drive keeps it to itself"""
     mode: Mode = Mode.PROFILE_POSITION
     """in which the winch moves: profile position, or cyclic position (`CyclicWinch`)"""
     zero: StoredZero | None = None
@@ -172,12 +78,36 @@ class WinchConfig:
     on_trial: bool = False
     """such a trial is under way: what is to be proven is not yet asked for"""
 
-    def __post_init__(self) -> None:
-        mistakes = [*self._range_mistakes(), *self.stop.mistakes()]
-        if not mistakes:
-            mistakes = self._limit_mistakes()
-        if mistakes:
-            raise SetupError(f"winch {self.name!r}: " + "; ".join(mistakes) + ".")
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.load is Load.TORQUE and not (self.rated_torque and self.torque_constant):
+            raise ValueError(
+                "rated_torque, torque_constant: are missing; the drive reports torque as a fraction of the rated torque"
+            )
+        if self.mode not in MOVING_MODES:
+            raise ValueError(f"mode: {self.mode!r} found, allowed are profile position and cyclic position")
+        counts = [self.scale.unwrapped_count(length) for length in self.length_limits]
+        if min(counts) < COUNT_MIN or max(counts) > COUNT_MAX:
+            raise ValueError(
+                f"length_limits: at counts {min(counts)} to {max(counts)} they lie beyond the encoder's 32 bits, "
+                "where the drive could not guard them; set the drive's encoder to another zero"
+            )
+        return self
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _told(cls, values: Any, check: ModelWrapValidatorHandler[Self]) -> Self:
+        """Any mistake, also one of the validators before, as a SetupError."""
+        try:
+            return check(values)
+        except ValidationError as error:
+            found = mistakes(error.errors(include_url=False), values)
+            told = [": ".join(filter(None, (place_words(place), sentence))) for place, sentence, _ in found]
+            raise SetupError(f"winch {values.get('name')!r}: {'; '.join(told)}.") from None
+
+    def changed(self, **values: Any) -> Self:
+        """With other values, checked as a new one."""
+        return type(self)(**(vars(self) | values))
 
     @property
     def scale(self) -> LengthScale:
@@ -238,56 +168,3 @@ class WinchConfig:
         """What a drive is told (6071, per mille of rated) for a current (A) without direction, as it tells its load."""
         torque = self.load is Load.TORQUE
         return round((current - self.current_offset) / (self.ampere_per_mille if torque else self.rated_current / 1e3))
-
-    def _range_mistakes(self) -> list[str]:
-        positive = {
-            key: getattr(self, key)
-            for key in (
-                *("counts_per_turn", "drum_radius", "rated_current", "current_limit", "max_speed", "max_acceleration"),
-                *("quick_stop_deceleration", "following_error", "following_error_time", "heartbeat", "host_timeout"),
-                *("sdo_timeout", "step_timeout"),
-            )
-        }
-        found = [
-            f"{key}: {value!r} found, must be a number above 0"
-            for key, value in positive.items()
-            if not (math.isfinite(value) and value > 0.0)
-        ]
-        if not self.name.strip():
-            found.append("name: empty, every winch needs one")
-        if not 1 <= self.node_id <= 126:
-            found.append(f"node_id: {self.node_id} found, allowed is 1 to 126 (127 is the host's)")
-        if self.load is Load.TORQUE and not (self.rated_torque and self.torque_constant):
-            found.append(
-                "rated_torque, torque_constant: are missing; the drive reports torque as a fraction of the rated torque"
-            )
-        if self.mode not in MOVING_MODES:
-            found.append(f"mode: {self.mode!r} found, allowed are profile position and cyclic position")
-        if self.direction not in (-1, 1):
-            found.append(f"direction: {self.direction} found, allowed is 1 or -1")
-        if not COUNT_MIN <= self.home_count <= COUNT_MAX:
-            found.append(f"home_count: {self.home_count} found, an encoder count has 32 bits")
-        if not math.isfinite(self.home_length):
-            found.append(f"home_length: {self.home_length!r} found, must be a number")
-        return found
-
-    def _limit_mistakes(self) -> list[str]:
-        found: list[str] = []
-        low, high = self.length_limits
-        if not 0.0 <= low < high < math.inf:
-            found.append(f"length_limits: [{low}, {high}] found, the first must be at least 0 and below the second")
-        else:
-            counts = [self.scale.unwrapped_count(length) for length in (low, high)]
-            if min(counts) < COUNT_MIN or max(counts) > COUNT_MAX:
-                found.append(
-                    f"length_limits: at counts {min(counts)} to {max(counts)} they lie beyond the encoder's 32 bits, "
-                    "where the drive could not guard them; set the drive's encoder to another zero"
-                )
-        if self.current_limit > 10.0 * self.rated_current:
-            found.append(
-                f"current_limit: {self.current_limit} A found, more than ten times the rated {self.rated_current} A"
-            )
-        for key in ("heartbeat", "host_timeout", "following_error_time"):
-            if not 1e-3 <= getattr(self, key) <= 65.0:
-                found.append(f"{key}: {getattr(self, key)} s found, allowed is 0.001 to 65 s")
-        return found

@@ -50,11 +50,11 @@ def narrowed(config: WinchConfig, table: tuple[Graded, ...]) -> WinchConfig:
     stops = [p for line in table if (p := line.proof) is not None and p.trial is Trial.QUICK_STOP and p.distance > 0.0]
     deceleration = min((0.5 * p.speed**2 / p.distance for p in stops), default=config.quick_stop_deceleration)
     weaker = min(1.0, deceleration / config.quick_stop_deceleration)
-    changed = replace(config, max_speed=config.max_speed * weaker**0.5)
+    changed = config.changed(max_speed=config.max_speed * weaker**0.5)
     if any(line.requirement.key == "position limits" and line.met is Met.HOST for line in table):
         low, high = config.length_limits
         way = min(0.5 * changed.max_speed**2 / deceleration, 0.4 * (high - low))
-        changed = replace(changed, length_limits=(low + way, high - way))
+        changed = changed.changed(length_limits=(low + way, high - way))
     return changed
 
 

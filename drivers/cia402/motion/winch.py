@@ -4,8 +4,6 @@ Cable lengths and sentences outside, encoder counts and controlwords inside. Sto
 overtake whatever is in progress: a move that was waiting ends with an error and sends nothing more.
 """
 
-from dataclasses import replace
-
 from drivers.cia402.bring_up.bringup import bring_up, forgotten
 from drivers.cia402.bring_up.takeover import take_over
 from drivers.cia402.bring_up.zero import Zeroed, read_zero
@@ -109,7 +107,7 @@ class Cia402Winch:
         Raises RefusedError outside the length limits, DeviceError while the drum turns or the drive does not answer.
         """
         zeroed = await read_zero(self.link.sdo, self.config, self._drive.believed(), length)
-        self.config = replace(self.config, home_count=zeroed.count, home_length=length, zero=None)
+        self.config = self.config.changed(home_count=zeroed.count, home_length=length, zero=None)
         self._scale, self._prepared, self._commanded, self.zeroed = self.config.scale, None, None, zeroed
 
     async def enable(self) -> None:

@@ -3,7 +3,6 @@
 In: words and counts off the bus. Out: states, bits, cable lengths (m).
 """
 
-from drivers.cia402.profile.signals import Signal
 from drivers.cia402.profile.words import Mode
 
-__all__ = ["Mode", "Signal"]
+__all__ = ["Mode"]

@@ -4,10 +4,11 @@ In operation a brake is the drive's own matter: it opens it once it has power, a
 This is for mounting, for a cable that must be pulled out, for homing: only without power, with the load secured.
 """
 
-from drivers.cia402.profile.signals import OUTPUTS, Signal
+from drivers.cia402.profile.signals import OUTPUTS
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.watch.without_power import read_state
 from drivers.ports import DriveState
+from fidim_lab.data.rigs.rig_winch_tables import Signal
 from fidim_lab.errors import DeviceError
 
 _WITHOUT_POWER = (DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.FAULT)

@@ -11,12 +11,12 @@ object that the drive refuses is not asked for again; what has not been answered
 
 from dataclasses import dataclass, replace
 
-from drivers.cia402.dictionary.config import TemperatureObject
 from drivers.cia402.profile.scale import LengthScale, wrap32
-from drivers.cia402.profile.signals import INPUTS, Signal
+from drivers.cia402.profile.signals import INPUTS
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.ports import Clock
+from fidim_lab.data.rigs.rig_winch_tables import Signal, TemperatureObject
 from fidim_lab.errors import DeviceError
 
 FOLLOWING_ERROR = 0x60F4

@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanTransport
-from drivers.cia402.dictionary import TemperatureObject, WinchConfig
+from drivers.cia402.dictionary import WinchConfig
 from drivers.cia402.motion import Cia402Winch, pull_taut
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
@@ -23,6 +23,7 @@ from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Operator, Rig
 from fidim_lab.app.compose.loop import running
 from fidim_lab.data.records import Body, Campaign, Plan, Robot
+from fidim_lab.data.rigs.rig_winch_tables import TemperatureObject
 from fidim_lab.errors import InfeasibleError
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.in_process_bus import InProcessBus
@@ -179,7 +180,7 @@ def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory, acceleratio
             max_speed=0.5,
             max_acceleration=acceleration,
             length_limits=reach,
-            direction=drum.direction,
+            direction=1 if drum.direction > 0 else -1,
             home_length=drum.home_length,
             temperature=TEMPERATURE,
         )
@@ -187,7 +188,7 @@ def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory, acceleratio
     )
 
 
-TEMPERATURE = TemperatureObject(0x2210, scale=0.1)
+TEMPERATURE = TemperatureObject(index=0x2210, scale=0.1)
 """of the generic EDS"""
 RATED_CURRENT = 5.0
 """A, object 6075 of the generic EDS"""

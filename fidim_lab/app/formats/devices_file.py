@@ -165,5 +165,5 @@ def _keep_eds(folder: Path, config: WinchConfig) -> None:
 def _with_eds(folder: Path, config: WinchConfig) -> WinchConfig:
     kept = _kept_eds(folder, config)
     if kept.is_file():
-        return replace(config, eds=kept)
-    return config if config.eds.exists() else replace(config, eds=GENERIC_EDS)
+        return config.changed(eds=kept)
+    return config if config.eds.exists() else config.changed(eds=GENERIC_EDS)

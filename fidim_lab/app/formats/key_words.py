@@ -53,4 +53,4 @@ def sentence(words: KeyWords, field: dict[str, Any]) -> str:
 def range_words(field: dict[str, Any]) -> str:
     """What a number is held to, e.g. "≥ 1, ≤ 127"; empty where anything goes."""
     parts = field.get("anyOf", [field])
-    return ", ".join(f"{sign}{part[key]:g}" for part in parts for key, sign in _RANGES if key in part)
+    return ", ".join(f"{sign}{part[key]:.10g}" for part in parts for key, sign in _RANGES if key in part)

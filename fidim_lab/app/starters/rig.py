@@ -14,6 +14,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.data.rigs import rig_guard_tables as guards
 from fidim_lab.data.rigs import rig_serial_tables as serial
 from fidim_lab.data.rigs import rig_tables as tables
+from fidim_lab.data.rigs import rig_winch_tables as winch_tables
 from fidim_lab.data.rigs.rig_file import FORMAT
 from fidim_lab.model.mechanism import Mechanism
 
@@ -61,7 +62,7 @@ def _top(wish: RigWish) -> list[Section]:
 
 
 def _winches(wish: RigWish) -> list[Section]:
-    common = [key for key in plain_keys(tables.RigWinchTable) if key not in OF_ONE]
+    common = [key for key in plain_keys(winch_tables.RigWinchTable) if key not in OF_ONE]
     drum = None if wish.robot.winches is None else wish.robot.winches[0]
     values: dict[str, Any] = {
         "eds": "generic",
@@ -77,14 +78,14 @@ def _winches(wish: RigWish) -> list[Section]:
     }
     every = "What counts for each [[winch]] that does not say otherwise."
     return [
-        Section("[every_winch]", tables.RigWinchTable, values, every, only=common),
+        Section("[every_winch]", winch_tables.RigWinchTable, values, every, only=common),
         *(
             Section(f"[every_winch.{key}]", model, says=says, commented=True)
             for key, model, says in (
-                ("stop", tables.StopTable, "What a drive does by itself: CiA 402 option codes."),
-                ("temperature", tables.TemperatureTable, "If the drive reports its temperature."),
-                ("sto", tables.SignalTable, "Input that is on while safe torque off is."),
-                ("brake_output", tables.SignalTable, "Output that applies the holding brake."),
+                ("stop", winch_tables.StopReactions, "What a drive does by itself: CiA 402 option codes."),
+                ("temperature", winch_tables.TemperatureObject, "If the drive reports its temperature."),
+                ("sto", winch_tables.Signal, "Input that is on while safe torque off is."),
+                ("brake_output", winch_tables.Signal, "Output that applies the holding brake."),
             )
         ),
         *(section for number in range(wish.robot.n) for section in _winch(number, wish)),
@@ -114,8 +115,8 @@ def _winch(number: int, wish: RigWish) -> list[Section]:
     only = [*OF_ONE, *(["drum_radius"] if "drum_radius" in own else [])]
     tension = "Measured by fidim tension-calibrate." if number == 0 else ""
     return [
-        Section("[[winch]]", tables.RigWinchTable, own, says, only=only, silent=number > 0),
-        Section("[winch.tension]", tables.TensionTable, says=tension, silent=number > 0, commented=True),
+        Section("[[winch]]", winch_tables.RigWinchTable, own, says, only=only, silent=number > 0),
+        Section("[winch.tension]", winch_tables.TensionTable, says=tension, silent=number > 0, commented=True),
     ]
 
 

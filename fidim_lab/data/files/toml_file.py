@@ -17,6 +17,7 @@ from fidim_lab.errors import FileError
 Schema = TypeVar("Schema", bound="Table")
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, Field(min_length=1)]
 LIMIT = MIB // 2
 """bytes, which tomllib takes up to 2 s for; a plan of 1000 windows has half of it"""
 

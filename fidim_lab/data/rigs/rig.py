@@ -11,7 +11,8 @@ from fidim_lab.data.records import Robot
 from fidim_lab.data.rigs.home_file import WinchHome
 from fidim_lab.data.rigs.rig_guard_tables import GuardsTable, PlaceTable
 from fidim_lab.data.rigs.rig_serial import GaugeEntry, ReleaseEntry
-from fidim_lab.data.rigs.rig_tables import GENERIC, BusTable, HandTable, MocapKind, RigWinchTable
+from fidim_lab.data.rigs.rig_tables import BusTable, HandTable, MocapKind
+from fidim_lab.data.rigs.rig_winch_tables import GENERIC, RigWinchTable
 
 
 class WinchEntry(RigWinchTable):

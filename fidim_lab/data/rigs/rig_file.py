@@ -13,16 +13,8 @@ from fidim_lab.data.records import Robot, WinchTorque
 from fidim_lab.data.rigs.home_file import WinchHome, read_homes
 from fidim_lab.data.rigs.rig import MocapEntry, RigFile, WinchEntry
 from fidim_lab.data.rigs.rig_serial_tables import COMMANDS, gauge_entries, release_entry
-from fidim_lab.data.rigs.rig_tables import (
-    GENERIC,
-    STANDARD_PORTS,
-    UNITS,
-    MocapKind,
-    MocapTable,
-    RigTable,
-    RigWinchTable,
-    TensionTable,
-)
+from fidim_lab.data.rigs.rig_tables import STANDARD_PORTS, UNITS, MocapKind, MocapTable, RigTable
+from fidim_lab.data.rigs.rig_winch_tables import GENERIC, RigWinchTable, TensionTable
 from fidim_lab.data.robot_file import read_robot, robot_path
 from fidim_lab.errors import FileError
 

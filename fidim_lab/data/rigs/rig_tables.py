@@ -9,15 +9,12 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fidim_lab.data.files.toml_file import NotNegative, Positive, Table
+from fidim_lab.data.files.toml_file import Name, Table
 from fidim_lab.data.rigs.rig_guard_tables import GuardsTable, PlaceTable
 from fidim_lab.data.rigs.rig_serial_tables import InclinometerTable, LoadCellsTable, ReleaseTable, SeveralLoadCells
+from fidim_lab.data.rigs.rig_winch_tables import RigWinchTable
 
-Name = Annotated[str, Field(min_length=1)]
 Port = Annotated[int, Field(ge=1, le=65535)]
-
-GENERIC = "generic"
-"""the name of the built-in EDS"""
 
 
 class MocapKind(StrEnum):
@@ -72,102 +69,6 @@ class BusTable(Table):
     def name(self) -> str:
         """For messages."""
         return f"{self.interface} {self.channel}"
-
-
-class TensionTable(Table):
-    """`tension` of a winch: cable tension from the motor current I: gain · I + offset, within ± friction.
-
-    Without a gain the robot file's drum, gear, efficiency and torque constant count. With a scatter, friction is the
-    part that changes sign with the direction D of the last move (+1 paid out):
-    (gain · I + offset + D · friction) / (1 − D · load_friction), within ± scatter.
-    """
-
-    gain: Positive | None = None
-    offset: float = 0.0
-    friction: NotNegative | None = None
-    load_friction: Annotated[float, Field(gt=-0.9, lt=0.9)] = 0.0
-    scatter: NotNegative | None = None
-
-    @model_validator(mode="after")
-    def _whole(self) -> "TensionTable":
-        if self.friction is None and (self.scatter is not None or self.load_friction):
-            raise ValueError("friction: is missing; scatter and load_friction are what remains besides it")
-        return self
-
-
-class TemperatureTable(Table):
-    """`temperature` of a winch: a vendor object."""
-
-    index: Annotated[int, Field(ge=0x2000, le=0xFFFF)]
-    sub: Annotated[int, Field(ge=0, le=255)] = 0
-    scale: Positive = 1.0
-
-
-class SignalTable(Table):
-    """`sto`, `brake_output` of a winch: a bit of 60FD or 60FE."""
-
-    bit: Annotated[int, Field(ge=0, le=31)]
-    active: Literal[0, 1] = 1
-
-
-class StopTable(Table):
-    """`stop` of a winch: CiA 402 option codes."""
-
-    quick_stop: Annotated[int, Field(ge=1, le=8)] = 6
-    halt: Annotated[int, Field(ge=1, le=4)] = 1
-    fault: Annotated[int, Field(ge=1, le=4)] = 2
-    connection_lost: Literal[3] = 3
-    communication_error: Literal[0, 1] = 1
-
-
-class RigWinchTable(Table):
-    """`[[winch]]`, with what `[every_winch]` says filled in."""
-
-    name: Name
-    node_id: Annotated[int, Field(ge=1, le=126)]
-    eds: Name = "generic"
-    direction: Literal[-1, 1] = 1
-    reversed: bool = False
-    counts_per_turn: Positive
-    gear_ratio: Positive = 1.0
-    drum_radius: Positive
-    rated_current: Positive
-    rated_torque: Positive | None = None
-    current_limit: Positive
-    length_limits: tuple[NotNegative, Positive]
-    max_speed: Positive
-    max_acceleration: Positive
-    quick_stop_deceleration: Positive = 2.0
-    following_error: Positive = 0.02
-    following_error_time: Positive = 0.05
-    home_count: int = 0
-    home_length: float = 0.0
-    heartbeat: Annotated[float, Field(ge=0.001, le=65)] = 0.1
-    host_timeout: Annotated[float, Field(ge=0.001, le=65)] = 0.25
-    sdo_timeout: Annotated[float, Field(ge=0.05, le=10)] = 0.5
-    brake_time: Annotated[float, Field(ge=0, le=10)] = 0.0
-    vendor_id: Annotated[int, Field(ge=0)] | None = None
-    product_code: Annotated[int, Field(ge=0)] | None = None
-    serial_number: Annotated[int, Field(ge=0)] | None = None
-    mode: Literal["profile-position", "cyclic-position"] = "profile-position"
-    family: Name = "generic"
-    load: Literal["current", "torque"] | None = None
-    encoder: Literal["multi-turn", "incremental"] = "incremental"
-    turned: NotNegative = 2e-3
-    temperature: TemperatureTable | None = None
-    sto: SignalTable | None = None
-    brake_output: SignalTable | None = None
-    tension: TensionTable = TensionTable()
-    stop: StopTable = StopTable()
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "RigWinchTable":
-        if self.load == "torque" and self.rated_torque is None:
-            raise ValueError("rated_torque: is missing; a drive reports its torque as a fraction of it (load)")
-        low, high = self.length_limits
-        if low >= high:
-            raise ValueError(f"length_limits: the shortest, {low:g} m, is not below the longest, {high:g} m")
-        return self
 
 
 class MocapTable(Table):

@@ -288,7 +288,7 @@ def make_config(**changes: Any) -> WinchConfig:
         "max_acceleration": 1.0,
         "length_limits": (0.5, 3.0),
         "home_length": 1.0,
-        "sdo_timeout": 0.01,
+        "sdo_timeout": 0.05,
         "step_timeout": 0.2,
     }
     return WinchConfig(**(values | changes))

@@ -228,7 +228,7 @@ def test_a_drive_that_does_not_answer(on_bench: OnBench) -> None:
         with pytest.raises(DeviceError) as caught:
             await bench.winch.configure()
         assert str(caught.value) == (
-            "winch 3 (node 3): no answer to SDO read of 1000:0 within 0.01 s. "
+            "winch 3 (node 3): no answer to SDO read of 1000:0 within 0.05 s. "
             "Is the drive powered, and is the node id right?"
         )
 

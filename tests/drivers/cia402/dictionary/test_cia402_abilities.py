@@ -1,6 +1,5 @@
 """What a drive can do, by dictionary and family: objects, and PDOs as this drive carries them."""
 
-from dataclasses import replace
 from typing import Any
 
 import canopen
@@ -204,7 +203,7 @@ def test_a_reaction_that_is_read_only_counts_where_it_stops(value, met):
 def test_cyclic_mode_needs_the_interpolation_period():
     family = DriveFamily(absent={"60C2:1": "x"})
     winch = config(family=family, mode=Mode.CYCLIC_POSITION)
-    for one, met in ((winch, Met.ABSENT), (replace(winch, mode=Mode.PROFILE_POSITION), Met.CONFIGURED)):
+    for one, met in ((winch, Met.ABSENT), (winch.changed(mode=Mode.PROFILE_POSITION), Met.CONFIGURED)):
         able = abilities(canopen.import_od(str(GENERIC_EDS), 3), one)
         [line] = [line for line in grade(able, one, {}, 0) if line.requirement.key == "position command"]
         assert line.met is met

@@ -82,10 +82,10 @@ def test_a_proof_holds_for_its_drive_and_settings(rig, tmp_path):
     assert [(found.trial, found.serial_number) for found in config.proofs] == [(Trial.QUICK_STOP, 77)]
     assert void(proof, file, config) == ""
     assert "no trial 'dance'" in void(proof.model_copy(update={"trial": "dance"}), file, config)
-    slower = replace(config, quick_stop_deceleration=1.0)
+    slower = config.changed(quick_stop_deceleration=1.0)
     assert "6085:0 was" in void(proof, file, slower)
     assert held_proofs(file, slower) == ()
-    other = replace(config, serial_number=78)
+    other = config.changed(serial_number=78)
     assert "serial_number 77, the rig file says 78" in void(proof, file, other)
     assert held_proofs(replace(file, keeps_homes=False), config) == ()  # a rehearsal's drives are others
 

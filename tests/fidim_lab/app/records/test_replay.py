@@ -3,7 +3,6 @@
 import asyncio
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -243,6 +242,6 @@ def test_the_dictionary_of_a_makers_drive_goes_with_the_run(tmp_path):
     write_devices(folder, Devices((WinchDevices(config, (), (grade,)),), None))
     eds.unlink()
     [found] = read_devices(folder).winches
-    assert found.config == replace(config, eds=folder / "eds" / "node7.eds")
+    assert found.config == config.changed(eds=folder / "eds" / "node7.eds")
     assert found.config.eds.read_bytes() == GENERIC_EDS.read_bytes()
     assert found.grades == (grade,)
