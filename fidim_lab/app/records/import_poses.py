@@ -23,6 +23,7 @@ from fidim_lab.app.records.import_readings import (
     refuse_misread,
 )
 from fidim_lab.app.records.import_units import in_metres, units_that_fit
+from fidim_lab.app.report.sections.numerals import counted
 from fidim_lab.arrays import Positions, Rotations, Series
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import MarkerLog
@@ -72,10 +73,13 @@ class PosedTake:
 def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     """The poses of one take. Raises RefusedError where the markers do not fit, or something has to be asked for."""
     body = mechanism.robot.markers
+    count = log.positions.shape[1] + (0 if log.unlabelled is None else log.unlabelled.shape[1])
+    if count < FEWEST_MEASURED and not log.bodies:
+        what = f"{counted(count, 'marker')} and no rigid body's rotations; a pose needs three markers or a body"
+        raise RefusedError(what, hint="Export more markers, or places and rotations of the body.")
     log, said_rate = _at_rate(log, asked)
     log, said = in_metres(mechanism, log, asked)
     said = (*said_rate, *said)
-    count = log.positions.shape[1] + (0 if log.unlabelled is None else log.unlabelled.shape[1])
     if asked.body is None and count and len(body) >= 3:
         try:
             found = _by_markers(mechanism, log, asked)
@@ -84,10 +88,8 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
                 raise _with_unit(mechanism, log, asked, error) from None
             found = _by_bodies(mechanism, log, asked)
             found = replace(found, warnings=(*found.warnings, f"markers not used: {error}"))
-    elif log.bodies:
-        found = _by_bodies(mechanism, log, asked)
     else:
-        raise RefusedError(f"{count} markers and no rigid body; a pose needs three markers or a body.")
+        found = _by_bodies(mechanism, log, asked)
     return replace(found, decided=(*said, *found.decided))
 
 
@@ -95,9 +97,8 @@ def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
     """The take at the rate that was asked for. Raises RefusedError where the file says two and nobody said which."""
     if asked.rate is not None:
         return replace(log, t=log.t * log.rate / asked.rate, rate=asked.rate), (f"{asked.rate:g} Hz, as requested",)
-    if log.column_rate is not None:
-        what = f"The file's header says {log.rate:g} Hz, its column of times {log.column_rate:.5g} Hz"
-        raise RefusedError(what, hint="Say the right one with --rate.")
+    if log.rate_doubt:
+        raise RefusedError(log.rate_doubt, hint="Say the right one with --rate.")
     return log, ()
 
 
@@ -279,7 +280,7 @@ def _upright(
         what = f"C{shown[1:]} by the poses with {chosen.words}, and in no reading less than {best.varies * 1e3:.1f} mm"
         what = f"{what}, though the motors are locked: the motion-capture frame or the body frame is not the robot's"
         raise RefusedError(what, hint="Correct anchors and markers in the robot file, or calibrate the capture frame.")
-    rivals = [r for r in fitting if r is not chosen and r.varies < CLEAR * chosen.varies]
+    rivals = [r for r in fitting if r.varies < CLEAR * chosen.varies and not _same(r, chosen)]
     _ask(chosen, rivals, said)
     how = "as requested" if asked.up else "as the file says" if log.up else "by the cable lengths"
     decided = (f"{chosen.words}, {how}: {shown}",)
@@ -287,6 +288,12 @@ def _upright(
         warning = f"{shown}; with {best.up} upwards by {best.varies * 1e3:.1f} mm: is --up {best.up} meant?"
         return chosen, Decision(decided, (warning,))
     return chosen, Decision(decided)
+
+
+def _same(one: PoseReading, other: PoseReading) -> bool:
+    """Whether two readings are the same poses: drivers publish a body under two names, as a pose and as a transform."""
+    places, turns = one.positions - other.positions, one.rotations - other.rotations
+    return all(float(np.nanmax(np.abs(off), initial=0.0)) < SOLVED for off in (places, turns))
 
 
 def _other_axes(mechanism: Mechanism, tracks: Sequence[Track], varies: float, up: str | None) -> PoseReading | None:
@@ -309,7 +316,9 @@ def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -
     if other is not None:
         raise RefusedError(
             f"Not distinguishable: {chosen.words} fits no better than {other.words}.",
-            hint="Export rotations as quaternions." if chosen.body and chosen.body.read_as else "Say --body.",
+            hint="Export rotations as quaternions, or say their order in the column map."
+            if chosen.body and chosen.body.read_as
+            else "Say --body.",
         )
     other = next((rival for rival in rivals if rival.up != chosen.up), None)
     if said is None and other is not None:

@@ -160,5 +160,9 @@ def _misreadings(track: Track, scale: float) -> Iterator[tuple[str, str, Track]]
         turned = rotations.copy()
         turned[known] = Rotation.from_quat(xyzw[:, order]).as_matrix()
         turns[f"the numbers of each quaternion taken as {said}"] = turned
-    for words, turned in turns.items():
-        yield words, "Correct the column map, or what wrote the file.", (body, positions, turned)
+    ways = [(words, positions, turned) for words, turned in turns.items()]
+    for axis, mirror in zip("xyz", np.eye(3) - 2.0 * np.array([np.diag(row) for row in np.eye(3)]), strict=True):
+        words = f"the sign of {axis} changed in places and rotations (is the frame left-handed?)"
+        ways.append((words, positions @ mirror, mirror @ rotations @ mirror))
+    for words, places, turned in ways:
+        yield words, "Correct the export, the column map, or what wrote the file.", (body, places, turned)

@@ -177,7 +177,7 @@ def _write(group: Takes, found: Sequence[TakeWindows], folder: Path) -> dict[str
     table = _table(group, found, windows)
     folder.mkdir(parents=True, exist_ok=True)
     if windows:
-        rate = next(one.take.markers.rate for one in found if one.windows)
+        rate = group.asked.rate or next(one.take.markers.rate for one in found if one.windows)
         campaign = Campaign(group.name, group.robot, rate, tuple(windows))
         write_campaign(folder, campaign, robot_comment=f"Written by fidim import {group.kind} from its own geometry.")
     (folder / JOURNAL).write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

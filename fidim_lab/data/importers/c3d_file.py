@@ -82,7 +82,6 @@ def _log(
     positions[(points[:, :, 3] < 0.0) | ~np.isfinite(positions).all(axis=2)] = np.nan
     count = positions.shape[1]
     named = [name or f"*{k + 1}" for k, name in enumerate([*names[:count], *[""] * (count - len(names))])]
-    named = [name if named.index(name) == k else f"*{k + 1}" for k, name in enumerate(named)]
     scale = length_scale(path, "POINT:UNITS", unit) if unit else 1.0
     up = _up(screen)
     labelled, kept, loose = apart(named, scale * positions)

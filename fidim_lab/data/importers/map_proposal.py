@@ -1,13 +1,13 @@
 """A first column map ("fidim-columns/1") for a table that nobody has described, in the table's own names.
 
-Names tell time, markers (three columns that differ by x, y, z) and poses (with four more, qx to qw, or x to w of an
-orientation). What they do not tell is proposed in the order of the columns, without those of words, to be corrected by
-whoever knows the file.
+Names tell time, markers (three columns that differ by x, y, z) and poses (with a rotation of four, three or nine more:
+qx to qw, q0 to q3, roll, pitch and yaw, rx to rz, r11 to r33). What they do not tell is proposed in the order of the
+columns, without those of words, to be corrected by whoever knows the file.
 """
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from fidim_lab.data.importers.reading.cells import cells_of, decimal_of, delimiter_of, is_dated, is_number, read_export
@@ -23,11 +23,31 @@ PART = re.compile(
 """behind the name of whose place or rotation it is"""
 UNIT = re.compile(r"\s*[\[(][^\[(]*[\])]$|\s*[/,]?\s+(mm|cm|m)$")
 """behind a name, such as in "M1 X (mm)" """
+IN_ANGLES = re.compile(r".*[\[(](?P<unit>deg|rad|°)\w*[\])]", re.IGNORECASE)
 BETWEEN = r"[\s_.:/|-]*"
 AXIS = re.compile(
     rf"(?:(?P<before>.*?){BETWEEN})?(?P<kind>q?)[_ ]?(?P<axis>[wxyz])(?:{BETWEEN}(?P<after>\d*))", re.IGNORECASE
 )
 """such as "M1 X", "ax", "X3", "platform_qw"; what stands around the axis says whose it is"""
+
+NUMBERED = re.compile(
+    rf"(?:(?P<before>.*?){BETWEEN})?(?:q|quat|quaternion|r|m|rot)[_(\[ ]*(?P<digits>\d|[0-3][,_ ]?[0-3])[)\]]*",
+    re.IGNORECASE,
+)
+"""of a quaternion or a matrix, such as "q0", "plate_R12" """
+COUNTS = (
+    *(tuple(digits) for digits in ("0123", "1234")),
+    *(tuple(f"{i}{j}" for i in digits for j in digits) for digits in ("123", "012")),
+)
+"""of them that are a whole group, in their order"""
+ROLLING = re.compile(
+    rf"(?:(?P<before>.*?){BETWEEN})?(?:(?P<x>roll\w*|roulis)|(?P<y>pitch|nick\w*|tangage|beccheggio)"
+    r"|(?P<z>yaw|gier\w*|lacet|imbardata))",
+    re.IGNORECASE,
+)
+TURNING = re.compile(rf"(.*?){BETWEEN}(r|rot|rotation|rv|rotvec|euler|angle|ang)", re.IGNORECASE)
+"""whose x, y, z are angles"""
+PLACING = re.compile(rf"(.*?){BETWEEN}(t|p|pos|position|trans|translation)", re.IGNORECASE)
 
 
 def proposed_map(path: Path) -> str:
@@ -59,40 +79,73 @@ def _lines(path: Path, columns: Sequence[Column], words: frozenset[int]) -> list
     stamps = [name for name in named if TIME.fullmatch(UNIT.sub("", name)) and name != below]
     time = stamps[0] if stamps else columns[0]
     left = [column for column in columns if column not in (time, below)]
-    triples, quaternions = _groups([name for name in left if isinstance(name, str)])
-    if not triples:
-        triples = {chr(65 + k // 3): left[k : k + 3] for k in range(0, len(left) - 2, 3)}
+    places, turns = _groups([name for name in left if isinstance(name, str)])
+    if not places:
+        places = {chr(65 + k // 3): left[k : k + 3] for k in range(0, len(left) - 2, 3)}
     lines = [
         f"# A proposal for {path.name} by the names of its columns: correct what is wrong (docs/import.md, csv).",
         'format = "fidim-columns/1"',
-        f"time = {json.dumps(time, ensure_ascii=False)}",
+        f"time = {_toml(time)}",
         '#time_unit = "s"              # s, ms, us, ns; found by the steps where left out'
         if below is None
-        else f"nanoseconds = {json.dumps(below, ensure_ascii=False)}",
+        else f"nanoseconds = {_toml(below)}",
         '#unit = "mm"                  # found by the robot file where left out',
         '#up = "z"                     # default: found',
     ]
-    for name, places in triples.items():
-        wxyz = quaternions.get(name)
-        head = "[[body]]" if wxyz else "[[marker]]"
-        lines += [head, f"name = {json.dumps(name or 'platform', ensure_ascii=False)}"]
-        lines += [f"{'position' if wxyz else 'columns'} = {json.dumps(places, ensure_ascii=False)}"]
-        lines += [f"quaternion = {json.dumps(wxyz, ensure_ascii=False)}", 'order = "wxyz"'] if wxyz else []
+    for name, place in places.items():
+        turn = turns.get(name)
+        lines += ["[[body]]" if turn else "[[marker]]", f"name = {_toml(name or 'platform')}"]
+        lines += [f"{'position' if turn else 'columns'} = {_toml(place)}", *(turn or ())]
     return lines
 
 
-def _groups(names: Sequence[str]) -> tuple[dict[str, list[Column]], Mapping[str, list[Column]]]:
-    """Names of x, y, z by what is common to them, and of qw, qx, qy, qz; only whole groups."""
-    found: dict[tuple[str, bool], dict[str, Column]] = {}
+def _toml(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _groups(names: Sequence[str]) -> tuple[dict[str, list[Column]], dict[str, Sequence[str]]]:
+    """Columns of x, y, z by what is common to their names, and lines on the rotation of those that have one.
+
+    A rotation belongs to the place with its name, or to the only one. Only whole groups count.
+    """
+    found: dict[tuple[str, str], dict[str, str]] = {}
     for name in names:
-        if match := AXIS.fullmatch(UNIT.sub("", name)):
-            owner = f"{match['before'] or ''}{match['after'] or ''}"
-            found.setdefault((owner, bool(match["kind"])), {})[match["axis"].lower()] = name
-    whole = {key: one for key, one in found.items() if {*"xyz"} <= {*one}}
-    turned = {key: [one[axis] for axis in "wxyz"] for key, one in whole.items() if "w" in one}
-    places = {key[0]: [one[axis] for axis in "xyz"] for key, one in whole.items() if key not in turned and not key[1]}
-    by_owner = {PART.sub("", owner): quaternion for (owner, _), quaternion in turned.items()}
-    return places, {owner: by_owner[PART.sub("", owner)] for owner in places if PART.sub("", owner) in by_owner}
+        bare = UNIT.sub("", name)
+        if rolling := ROLLING.fullmatch(bare):
+            axis = next(axis for axis in "xyz" if rolling[axis])
+            found.setdefault((rolling["before"] or "", "angles"), {})[axis] = name
+        elif match := AXIS.fullmatch(bare):
+            owner, kind = f"{match['before'] or ''}{match['after'] or ''}", "quaternion" if match["kind"] else ""
+            turning = TURNING.fullmatch(owner)
+            if not kind and (IN_ANGLES.match(name) or turning) and match["axis"].lower() != "w":
+                owner, kind = (turning[1] if turning else owner), "angles"
+            found.setdefault((owner, kind), {})[match["axis"].lower()] = name
+        elif match := NUMBERED.fullmatch(bare):
+            digits = re.sub(r"\D", "", match["digits"])
+            found.setdefault((match["before"] or "", f"{len(digits)} digits"), {})[digits] = name
+    places: dict[str, list[Column]] = {}
+    turns: dict[str, Sequence[str]] = {}
+    for (owner, kind), group in found.items():
+        whose = PART.sub("", owner)
+        if "w" in group and {*"xyz"} <= {*group}:
+            turns[whose] = [f"quaternion = {_toml([group[axis] for axis in 'wxyz'])}", 'order = "wxyz"']
+        elif kind == "angles" and {*"xyz"} <= {*group}:
+            turns[whose] = [f"angles = {_toml([group[axis] for axis in 'xyz'])}", *_unit_of_angles(group["x"])]
+        elif counted := next((digits for digits in COUNTS if {*digits} == {*group}), None):
+            key = "matrix" if len(counted) > 4 else "quaternion"
+            turns[whose] = [f"{key} = {_toml([group[digits] for digits in counted])}"]
+        elif not kind and {*"xyz"} <= {*group}:
+            places[owner] = [group[axis] for axis in "xyz"]
+    if len(places) == len(turns) == 1:
+        return places, dict(zip(places, turns.values(), strict=True))
+    named = {owner: PART.sub("", PLACING.sub(r"\1", owner)) for owner in places}
+    return places, {owner: turns[name] for owner, name in named.items() if name in turns}
+
+
+def _unit_of_angles(name: str) -> Sequence[str]:
+    """As the column's name says it; else it is found, as the order of angles is."""
+    said = IN_ANGLES.match(name)
+    return [f'angle_unit = "{"rad" if said["unit"].lower() == "rad" else "deg"}"'] if said else []
 
 
 def _names(above: Sequence[Sequence[str]], width: int) -> list[Column]:

@@ -83,7 +83,7 @@ def read_motive(path: Path) -> MarkerLog:
         raise FileError(path, "", "no marker and no rigid body.", hint="Export markers, rigid bodies, or both.")
     positions = _places(values, labelled.values(), scale)
     said_rate = head.get("Export Frame Rate") or head.get("Capture Frame Rate") or ""
-    t, rate, column = clocked(path, header_rate(path, 1, said_rate), values[:, 0], values[:, 1])
+    t, rate, doubt = clocked(path, header_rate(path, 1, said_rate), values[:, 0], values[:, 1])
     lengths = f"lengths in {unit.lower()}, " if unit else ""
     said = (f"{lengths}{rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
     said += (f"rigid bodies are ignored: {turns[:20]!r} is not an order of angles",) if labelled and unknown else ()
@@ -91,7 +91,7 @@ def read_motive(path: Path) -> MarkerLog:
     seen = _places(values, loose.values(), scale)
     known = bool(unit)
     return MarkerLog(
-        path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, seen, unit_said=known, column_rate=column
+        path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, seen, unit_said=known, rate_doubt=doubt
     )  # fmt: skip
 
 
@@ -125,8 +125,8 @@ def _columns(
     for column, cells in enumerate(zip(types, names, what, axes, strict=False)):
         kind, name, quantity, axis = (cell.strip() for cell in cells)
         if _is_thing(kind) and quantity in {"Position", "Rotation"} and axis in {"X", "Y", "Z", "W"}:
-            while f"{quantity} {axis}" in found.get((kind, name), {}) and is_loose(name):
-                name = f"{name}'"  # the same word for all that have no label
+            while f"{quantity} {axis}" in found.get((kind, name), {}) and kind != BODY:
+                name = f"*{name}"  # a name that stands there again labels nothing
             thing = found.setdefault((kind, name), {})
             if thing.setdefault(f"{quantity} {axis}", column) != column:
                 raise FileError(path, f"column {column + 1}", f"{kind} {name[:60]!r} occurs twice")

@@ -13,6 +13,7 @@ import numpy as np
 
 from fidim_lab.data.importers.reading.cells import MIN_FRAMES
 from fidim_lab.data.importers.reading.clock import check_rate
+from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.matlab import MatStruct, load_struct, variables
 from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
@@ -43,14 +44,15 @@ def read_qtm_mat(path: Path) -> MarkerLog:
             loose = _places(trajectories.struct("Unidentified"), None)
     if positions is None and not bodies:
         raise FileError(path, names[0], "neither Trajectories.Labeled nor RigidBodies.", hint="Export 3D or 6D data.")
-    if len(set(labels)) < len(labels):
-        raise FileError(path, "Trajectories.Labeled.Labels", "one name twice")
     frames = len(next(iter(bodies)).positions) if positions is None else len(positions)
     if frames < MIN_FRAMES:
         raise FileError(path, "", f"{frames} frames; a recording has at least {MIN_FRAMES}")
     if any(len(body.positions) != frames for body in bodies) or (loose is not None and len(loose) != frames):
         raise FileError(path, names[0], "markers and bodies have different numbers of frames")
     positions = np.zeros((frames, 0, 3)) if positions is None else positions
+    labels, positions, again = apart(labels, positions)
+    pieces = [part for part in (again, loose) if part is not None]
+    loose = np.concatenate(pieces, axis=1) if pieces else None
     said = (f"lengths in mm and z upwards, as QTM exports them by default; {rate:g} Hz by FrameRate",)
     t = np.arange(frames) / rate
     return MarkerLog(path, labels, rate, t, positions, SCALE, "z", said, tuple(bodies), loose)

@@ -16,6 +16,7 @@ import numpy as np
 
 from fidim_lab.data.importers.reading.cells import MISSING, NO_HEADER, decimal_of, read_export, table
 from fidim_lab.data.importers.reading.clock import clocked, header_rate
+from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
@@ -40,8 +41,8 @@ def read_qtm(path: Path) -> MarkerLog:
         hint = f"Export 3D or 6D data with the TSV header; skeletons, forces, analog data are not read. {NO_HEADER}"
         raise FileError(path, "header", f"{' and '.join(missing)} not found.", hint=hint)
     names = tuple(name for name in head[NAMES[what]] if name)
-    if not names or len(set(names)) < len(names):
-        raise FileError(path, NAMES[what], "no name, or one name twice")
+    if not names or (what == "6D" and len(set(names)) < len(names)):
+        raise FileError(path, NAMES[what], "no name, or one body's name twice")
     decimal = decimal_of(text[first : first + 50], "\t")
     filled = max((len(row) for row in lines[first : first + 1]), default=0)
     width = WIDTH[what] * len(names)
@@ -52,12 +53,13 @@ def read_qtm(path: Path) -> MarkerLog:
     positions = SCALE * parts[:, :, :3]
     frames = values[:, 0] if lead else np.arange(len(values), dtype=float)
     stamps = values[:, 1] if lead else np.full(len(values), np.nan)
-    t, rate, column = clocked(path, header_rate(path, 1, head["FREQUENCY"][0]), frames, stamps)
+    t, rate, doubt = clocked(path, header_rate(path, 1, head["FREQUENCY"][0]), frames, stamps)
     said = (f"lengths in mm and z upwards, as QTM exports them by default; {rate:g} Hz as the header says",)
     if what == "3D":
-        return MarkerLog(path, names, rate, t, positions, SCALE, "z", said, column_rate=column)
+        names, positions, loose = apart(names, positions)
+        return MarkerLog(path, names, rate, t, positions, SCALE, "z", said, unlabelled=loose, rate_doubt=doubt)
     bodies = tuple(_body(path, name, positions[:, k], parts[:, k, ROTATION]) for k, name in enumerate(names))
-    return MarkerLog(path, (), rate, t, np.zeros((len(t), 0, 3)), SCALE, "z", said, bodies, column_rate=column)
+    return MarkerLog(path, (), rate, t, np.zeros((len(t), 0, 3)), SCALE, "z", said, bodies, rate_doubt=doubt)
 
 
 def _body(path: Path, name: str, positions: np.ndarray, columns: np.ndarray) -> BodyTrack:

@@ -51,8 +51,8 @@ class MarkerLog:
     """whether the file says its unit of length; otherwise positions are in that unit, as if it were m"""
     began: float | None = None
     """s since 1970 of the first frame, where the file says it"""
-    column_rate: float | None = None
-    """Hz by the file's column of times, where its header says another rate"""
+    rate_doubt: str = ""
+    """why the rate has to be asked for, a sentence; empty where the file says one"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from fidim_lab.data.importers.reading.cells import (
     table,
 )
 from fidim_lab.data.importers.reading.clock import clocked, header_rate
+from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FileError
 
@@ -40,15 +41,18 @@ def read_trc(path: Path) -> MarkerLog:
     if lines[3][0].strip().rstrip("#").lower() != "frame":
         raise FileError(path, "line 4", "'Frame#' was expected first")
     names = tuple(cell.strip() for cell in lines[3][LEAD:] if cell.strip())
-    if not names or len(set(names)) < len(names):
-        raise FileError(path, "line 4", "no marker, or one name twice")
+    if not names:
+        raise FileError(path, "line 4", "no marker")
     decimal = decimal_of(text[HEADER_LINES : HEADER_LINES + 50], delimiter)
     values = table(path, lines[HEADER_LINES:], HEADER_LINES + 1, LEAD + 3 * len(names), lead=LEAD, decimal=decimal)
     unit = head.get("Units", "")
     scale = length_scale(path, "line 3, Units", unit) if unit else 1.0
-    positions = scale * values[:, LEAD:].reshape(len(values), -1, 3)
+    names, positions, loose = apart(names, scale * values[:, LEAD:].reshape(len(values), -1, 3))
     said_rate = header_rate(path, 3, head.get("DataRate", ""))
-    t, rate, column = clocked(path, said_rate, values[:, 0], values[:, 1])
+    t, rate, doubt = clocked(path, said_rate, values[:, 0], values[:, 1])
     lengths = f"lengths in {unit}, " if unit else ""
     said = (f"{lengths}{rate:g} Hz and y upwards: as the header and the convention of TRC say",)
-    return MarkerLog(path, names, rate, t, positions, scale, "y", said, unit_said=bool(unit), column_rate=column)
+    known = bool(unit)
+    return MarkerLog(
+        path, names, rate, t, positions, scale, "y", said, unlabelled=loose, unit_said=known, rate_doubt=doubt
+    )

@@ -178,8 +178,6 @@ def _names(block: ExportBlock) -> tuple[str, ...]:
         if not name:
             column = FRAME_COLUMNS + 1 + 3 * index
             raise FileError(block.path, f"{block.line(3)}, column {column}", "a marker without a name")
-        if name in names[:index]:
-            raise FileError(block.path, block.line(3), f"marker {name!r} occurs twice")
     return tuple(names)
 
 

@@ -62,8 +62,8 @@ def header_rate(path: Path, line: int, text: str) -> float:
 
 def clocked(
     path: Path, said: float, frames: Float[np.ndarray, " N"], stamps: Float[np.ndarray, " N"]
-) -> tuple[Float[np.ndarray, " N"], float, float | None]:
-    """Times by the header's rate (s since the first frame), the rate, and the column's where it is another.
+) -> tuple[Float[np.ndarray, " N"], float, str]:
+    """Times by the header's rate (s since the first frame), the rate, and where the column's is another, so in words.
 
     said: Hz, NaN where the header says none: then the column decides. stamps: the column of times, s. Frame numbers may
     count the frames that an export at a lower rate left out. Raises FileError where numbers do not go on, or nothing
@@ -77,15 +77,15 @@ def clocked(
     if not (duration > 0.0 and np.isfinite(stamps).all() and (np.diff(stamps) > 0.0).all()):
         if np.isnan(said):
             raise FileError(path, "rate", "neither the header nor a column of times says a frame rate")
-        return times(path, said, frames), said, None
+        return times(path, said, frames), said, ""
     off = ROUNDED / duration + SAME_RATE
     for numbers in (frames, fewer):
         if abs((numbers[-1] - numbers[0]) / duration / said - 1.0) < off:
-            return times(path, said, numbers), said, None
+            return times(path, said, numbers), said, ""
     column = float((fewer[-1] - fewer[0]) / duration)
     if np.isnan(said):
-        return times(path, column, fewer), column, None
-    return times(path, said, fewer), said, column
+        return times(path, column, fewer), column, ""
+    return times(path, said, fewer), said, f"The file's header says {said:g} Hz, its column of times {column:.5g} Hz"
 
 
 def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
@@ -129,6 +129,9 @@ def time_unit_of(path: Path, stamps: np.ndarray) -> str:
     unit = unit_by_steps(stamps)
     if unit is None:
         step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
+        if step == 0.0:
+            hint = "Put the markers of one sample side by side in one row."
+            raise FileError(path, "time", "most rows have the time of the row before.", hint=hint)
         hint = "Say time_unit in the map, and where another column has the rest of a stamp, nanoseconds."
         raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint=hint)
     return unit

@@ -14,8 +14,11 @@ def is_loose(name: str) -> bool:
 
 
 def apart(names: Sequence[str], positions: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
-    """Labelled names, their (N, M, 3) places, and the (N, K, 3) places without a label; all of them if none has one."""
-    loose = [k for k, name in enumerate(names) if is_loose(name)]
+    """Labelled names, their (N, M, 3) places, and the (N, K, 3) places without a label; all of them if none has one.
+
+    A name that stands there again labels nothing: which of its places is which, the rigid distances tell.
+    """
+    loose = [k for k, name in enumerate(names) if is_loose(name) or name in names[:k]]
     if not loose or len(loose) == len(names):
         return tuple(names), positions, None
     kept = [k for k in range(len(names)) if k not in set(loose)]

@@ -131,15 +131,16 @@ def _checked(
     wanted = " × ".join("any" if size is None else str(size) for size in shape) or "one number"
     if not isinstance(value, np.ndarray):
         raise FileError(owner.path, place, f"is {_kind(value)}; numbers ({wanted}) were expected")
-    found = [size for size in value.shape if size != 1]
-    sizes = [size for size in shape if size != 1]
+    as_said = len(value.shape) == len(shape) and all(w in (None, f) for w, f in zip(shape, value.shape, strict=True))
+    found = [size for size in value.shape if as_said or size != 1]  # of those asked for, "any" may be 1
+    sizes = [size for size in shape if as_said or size != 1]
     if len(found) != len(sizes) or any(w not in (None, f) for w, f in zip(sizes, found, strict=True)):
         has = " × ".join(str(size) for size in value.shape)
         raise FileError(owner.path, place, f"has shape {has}; {wanted} was expected")
     if not (np.isfinite(value) | (missing & np.isnan(value))).all():
         raise FileError(owner.path, place, "holds values that are not finite")
     remaining = iter(found)
-    return value.reshape([1 if size == 1 else next(remaining) for size in shape])
+    return value.reshape([1 if size == 1 and not as_said else next(remaining) for size in shape])
 
 
 def _kind(value: Any) -> str:

@@ -1,5 +1,6 @@
 """Rigid bodies of exports: rotations from quaternions or matrices, NaN where the body was not seen."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
@@ -15,6 +16,10 @@ from fidim_lab.errors import FileError
 OFF = 0.02
 """by which a quaternion's norm, or a matrix's product with its transpose, may miss 1: exports round to 3 digits"""
 
+VECTOR = "vector"
+ANGLES = (VECTOR, *map("".join, permutations("XYZ")))
+"""what three numbers of a rotation may mean"""
+
 
 def by_quaternions(path: Path, name: str, positions: Positions, xyzw: Float[np.ndarray, "N 4"]) -> BodyTrack:
     """A body from places, m, and quaternions x, y, z, w. Raises FileError where one is not of unit length."""
@@ -25,6 +30,17 @@ def by_quaternions(path: Path, name: str, positions: Positions, xyzw: Float[np.n
     if seen.any():
         rotations[seen] = Rotation.from_quat(xyzw[seen]).as_matrix()
     return BodyTrack(name, np.where(seen[:, None], positions, np.nan), rotations)
+
+
+def by_quaternions_in(
+    path: Path, name: str, positions: Positions, four: Float[np.ndarray, "N 4"]
+) -> dict[str, BodyTrack]:
+    """A body from places, m, and quaternions in both orders of their numbers: "wxyz" and "xyzw"."""
+    ways = {"wxyz": [1, 2, 3, 0], "xyzw": [0, 1, 2, 3]}
+    return {
+        order: replace(by_quaternions(path, name, positions, four[:, at]), read_as=f"quaternions as {order}")
+        for order, at in ways.items()
+    }
 
 
 def by_matrices(path: Path, name: str, positions: Positions, matrices: Rotations) -> BodyTrack:
@@ -40,14 +56,18 @@ def by_matrices(path: Path, name: str, positions: Positions, matrices: Rotations
     return BodyTrack(name, np.where(seen[:, None], positions, np.nan), rotations)
 
 
-def by_angles(path: Path, name: str, positions: Positions, angles: Float[np.ndarray, "N 3"]) -> tuple[BodyTrack, ...]:
-    """A body from places, m, and three numbers for x, y, z, rad, whose meaning the file does not say: in every way.
+def by_angles(
+    path: Path, name: str, positions: Positions, angles: Float[np.ndarray, "N 3"], orders: Sequence[str] = ANGLES
+) -> tuple[BodyTrack, ...]:
+    """A body from places, m, and three numbers for x, y, z, rad, whose meaning the file may not say: in every way.
 
-    About the body's own axes in each order (about fixed axes it is the reverse order), or one rotation vector.
+    orders: of the body's own axes ("XYZ"), by default all six and VECTOR, a rotation vector. About fixed axes it is the
+    reverse order.
     """
     seen = np.isfinite(positions).all(axis=1) & np.isfinite(angles).all(axis=1)
     found: list[BodyTrack] = []
-    for order in ("", *map("".join, permutations("XYZ"))):
+    for said in orders:
+        order = said.replace(VECTOR, "")
         rotations = np.full((len(angles), 3, 3), np.nan)
         if seen.any():
             sorted_ = angles[seen][:, ["XYZ".index(axis) for axis in order]] if order else angles[seen]

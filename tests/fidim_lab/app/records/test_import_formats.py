@@ -121,14 +121,16 @@ def mapped(swing: Swing, folder: Path) -> list[str]:
 
 
 def ros_poses(swing: Swing, folder: Path) -> list[str]:
-    """A bag of rosbags' own writer: PoseStamped, and a topic that says nothing of places."""
+    """A bag of rosbags' own writer: a body as PoseStamped and in /tf, and a topic that says nothing of places."""
     bags = pytest.importorskip("rosbags.rosbag2", reason="rosbags, the independent writer of bags, is missing")
     types = pytest.importorskip("rosbags.typesys")
     store = types.get_typestore(types.Stores.ROS2_HUMBLE)
     pose_type, text_type = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
+    tree_type = "tf2_msgs/msg/TFMessage"
     known = store.types
     with bags.Writer(folder / "bag", version=9) as writer:
         poses = writer.add_connection("/vrpn/platform/pose", pose_type, typestore=store)
+        tree = writer.add_connection("/tf", tree_type, typestore=store)
         notes = writer.add_connection("/notes", text_type, typestore=store)
         writer.write(notes, int(EPOCH * 1e9), store.serialize_cdr(known[text_type]("hello"), text_type))
         for t, p, q in zip(EPOCH + swing.t, swing.p, swing.quaternions, strict=True):
@@ -139,6 +141,10 @@ def ros_poses(swing: Swing, folder: Path) -> list[str]:
             message = known[pose_type](header, known["geometry_msgs/msg/Pose"](point, turn))
             late = int((t + 0.004 * (1.0 + np.sin(1e3 * t))) * 1e9)
             writer.write(poses, late, store.serialize_cdr(message, pose_type))
+            shift = known["geometry_msgs/msg/Vector3"](*map(float, p))
+            moved = known["geometry_msgs/msg/Transform"](shift, turn)
+            frames = known[tree_type]([known["geometry_msgs/msg/TransformStamped"](header, "platform", moved)])
+            writer.write(tree, late, store.serialize_cdr(frames, tree_type))
     return ["ros2-bag", "bag"]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.campaign import read_campaign
@@ -110,6 +111,21 @@ def poses(swing: Swing, *, turn: np.ndarray | None = None, order: list[int] | No
     return "\n".join([",".join(["time", *POSE]), *lines_of(swing.t, swing.p / unit, numbers)])
 
 
+def numbered(swing: Swing) -> str:
+    return "\n".join([",".join(["time", *AXES]), *lines_of(np.arange(len(swing.t)) + 1.0, in_order(swing))])
+
+
+def long(swing: Swing) -> str:
+    """Every marker of a sample in a row of its own."""
+    return "\n".join(["time,m0x,m0y,m0z", *lines_of(np.repeat(swing.t, 5), in_order(swing).reshape(-1, 3))])
+
+
+def left_handed(swing: Swing) -> str:
+    mirror = np.diag([1.0, 1.0, -1.0])
+    turned = Rotation.from_matrix(mirror @ Rotation.from_quat(swing.quaternions).as_matrix() @ mirror)
+    return "\n".join([",".join(["time", *POSE]), *lines_of(swing.t, swing.p @ mirror, turned.as_quat())])
+
+
 MARKER_MAP = 'format = "fidim-columns/1"\ntime = "time"\n' + "".join(
     f'[[marker]]\nname = "{name}"\ncolumns = ["{name}x", "{name}y", "{name}z"]\n' for name in NAMES
 )
@@ -117,7 +133,8 @@ POSE_MAP = (
     'format = "fidim-columns/1"\ntime = "time"\nunit = "m"\n[[body]]\nname = "platform"\n'
     'position = ["x", "y", "z"]\nquaternion = ["q1", "q2", "q3", "q4"]\norder = "xyzw"\n'
 )
-MAPS = {"markers": MARKER_MAP, "poses": POSE_MAP}
+ONE_MAP = MARKER_MAP[: MARKER_MAP.index("[[marker]]", MARKER_MAP.index("[[marker]]") + 1)]
+MAPS = {"markers": MARKER_MAP, "poses": POSE_MAP, "one": ONE_MAP}
 
 READ: dict[str, tuple[str, Callable[[Swing], str], list[str]]] = {
     "frames from 3001 on": ("vicon-csv", vicon, []),
@@ -145,6 +162,11 @@ READ: dict[str, tuple[str, Callable[[Swing], str], list[str]]] = {
     "unit said wrongly by far, asked": ("trc", lambda swing: trc(swing, unit="m"), ["--unit", "mm"]),
     "halves of the day": ("csv", dated("%I:%M:%S.%f %p"), ["--map", "markers"]),
     "poses": ("csv", poses, ["--map", "poses"]),
+    "frame numbers as times": ("csv", numbered, ["--map", "markers", "--rate", "100"]),
+    "one name for all markers": ("motive-csv", lambda swing: motive(swing, names=["m"] * 5), []),
+    "one name for two, of Vicon": ("vicon-csv", lambda swing: vicon(swing).replace("m3", "m2"), []),
+    "one name for two, of QTM": ("qtm-tsv", lambda swing: qtm(swing).replace("m3", "m2"), []),
+    "one name for two, of a TRC": ("trc", lambda swing: trc(swing).replace("m3", "m2"), []),
 }
 REFUSED: dict[str, tuple[str, Callable[[Swing], str], list[str], str]] = {
     "says m, is mm": ("vicon-csv", lambda swing: vicon(swing, unit="m"), [], "--unit mm"),
@@ -153,7 +175,15 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], list[str], str]] = {
     "another rate": ("motive-csv", lambda swing: motive(swing, rate="120"), [], "120 Hz, its column of times 100 Hz"),
     "59.94 said of 60": ("trc", lambda swing: trc(swing, rate="99.9"), [], "99.9 Hz, its column of times 100 Hz"),
     "another rate of QTM": ("qtm-tsv", lambda swing: qtm(swing, rate="120", timed=True), [], "Say the right one"),
-    "a name twice": ("motive-csv", lambda swing: motive(swing, names=["m"] * 5), [], "'m' occurs twice"),
+    "frame numbers as times": (
+        "csv",
+        numbered,
+        ["--map", "markers"],
+        "are they frame numbers, or ms at 1000 Hz?",
+    ),
+    "a row for each marker": ("csv", long, ["--map", "one"], "side by side in one row"),
+    "one marker": ("csv", numbered, ["--map", "one", "--rate", "100"], "1 marker and no rigid body's rotations"),
+    "a left-handed frame": ("csv", left_handed, ["--map", "poses"], "is the frame left-handed?"),
     "w first": ("csv", lambda swing: poses(swing, order=[3, 0, 1, 2]), ["--map", "poses"], "taken as w, x, y, z"),
     "w last": ("csv", lambda swing: poses(swing, order=[1, 2, 3, 0]), ["--map", "poses"], "taken as x, y, z, w"),
     "world to body": (

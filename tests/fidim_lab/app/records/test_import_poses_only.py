@@ -4,15 +4,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.importers.map_proposal import proposed_map
+from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.records import Body, Robot
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.data.robot_file import write_robot
+from fidim_lab.errors import FileError
 
 from .conftest import Swing
 
@@ -106,6 +110,71 @@ def test_angles_are_read_in_the_way_in_which_cables_keep_their_lengths(order: st
         at = np.rint(window.t * 100).astype(int)
         known = np.isfinite(rotations[:, 0, 0])
         assert rotations[known] == pytest.approx(swing.R[at][known] @ LEANS, abs=1e-4)
+
+
+def turns_of(swing: Swing, kind: str) -> pd.DataFrame:
+    """Places and rotations as laboratories name them."""
+    turned = Rotation.from_matrix(swing.R @ LEANS)
+    columns: dict[str, tuple[list[str], np.ndarray]] = {
+        "quaternion, w first": (["q0", "q1", "q2", "q3"], turned.as_quat()[:, [3, 0, 1, 2]]),
+        "quaternion, w last": (["q1", "q2", "q3", "q4"], turned.as_quat()),
+        "matrix": ([f"R{i}{j}" for i in "123" for j in "123"], turned.as_matrix().reshape(-1, 9)),
+        "roll, pitch, yaw in degrees": (["Roll", "Pitch", "Yaw"], turned.as_euler("xyz", degrees=True)),
+        "roll, pitch, yaw in radians": (["roulis", "tangage", "lacet"], turned.as_euler("xyz")),
+        "own axes, with their unit": (["RX [deg]", "RY [deg]", "RZ [deg]"], turned.as_euler("XYZ", degrees=True)),
+        "rotation vector": (["plate rx", "plate ry", "plate rz"], turned.as_rotvec()),
+    }
+    names, numbers = columns[kind]
+    places = ["plate x", "plate y", "plate z"] if "plate rx" in names else ["TX [mm]", "TY [mm]", "TZ [mm]"]
+    return pd.DataFrame(np.column_stack([swing.t, 1e3 * swing.p, numbers]), columns=["time", *places, *names])
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "quaternion, w first",
+        "quaternion, w last",
+        "matrix",
+        "roll, pitch, yaw in degrees",
+        "roll, pitch, yaw in radians",
+        "own axes, with their unit",
+        "rotation vector",
+    ],
+)
+def test_a_table_of_poses_is_read_by_the_map_that_is_proposed_for_it(kind: str, swing: Swing, tmp_path: Path):
+    write_robot(tmp_path / "robot.toml", leaning(swing))
+    turns_of(swing, kind).to_csv(tmp_path / "take.csv", index=False, sep=";", decimal=",")
+    arguments = ["csv", str(tmp_path / "take.csv"), "--robot", str(tmp_path / "robot.toml")]
+    (tmp_path / "map.toml").write_text(proposed_map(tmp_path / "take.csv"), encoding="utf-8")
+    arguments += ["--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(fidim, ["import", *arguments])
+    assert done.exit_code == 0, done.output
+    campaign = read_campaign(tmp_path / "out")
+    for window in campaign.windows:
+        where, rotations, _ = fit_pose(window.markers, campaign.robot.markers)
+        at = np.rint(window.t * 100).astype(int)
+        known = np.isfinite(rotations[:, 0, 0])
+        assert where[known] == pytest.approx(swing.p[at][known], abs=1e-4)
+        assert rotations[known] == pytest.approx(swing.R[at][known] @ LEANS, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ('matrix = ["a", "b", "c", "d", "e", "f", "g", "h", "i"]\nangles = ["a", "b", "c"]', "one of quaternion"),
+        ("", "one of quaternion, angles and matrix is needed"),
+        ('angles = ["a", "b", "c"]\norder = "wxyz"', "body 1, order"),
+        ('quaternion = ["a", "b", "c", "d"]\norder = "XYZ"', "body 1, order"),
+        ('quaternion = ["a", "b", "c", "d"]\nangle_unit = "deg"', "angle_unit: belongs to angles"),
+        ('matrix = ["a", "b", "c"]', "matrix"),
+    ],
+)
+def test_a_rotation_is_said_in_one_way(lines: str, says: str, tmp_path: Path):
+    (tmp_path / "take.csv").write_text("t,x,y,z\n" + "0,1,2,3\n" * 30, encoding="utf-8")
+    head = 'format = "fidim-columns/1"\ntime = "t"\n[[body]]\nname = "p"\nposition = ["x", "y", "z"]\n'
+    (tmp_path / "map.toml").write_text(head + lines, encoding="utf-8")
+    with pytest.raises(FileError, match=says):
+        read_mapped(tmp_path / "take.csv", tmp_path / "map.toml")
 
 
 def test_angles_that_may_be_read_in_two_ways_are_refused(swing: Swing, tmp_path: Path):

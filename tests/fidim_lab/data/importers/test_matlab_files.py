@@ -120,6 +120,12 @@ def test_what_scipy_writes_is_read_as_scipy_reads_it(tmp_path: Path, packed: boo
         assert np.array_equal(read[name], theirs[name])
 
 
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_any_number_of_markers_may_be_one_or_none(tmp_path: Path, count: int):
+    scipy.io.savemat(tmp_path / "one.mat", {"s": {"Data": np.ones((count, 4, 30))}})
+    assert load_struct(tmp_path / "one.mat", "s").samples("Data", None, 4, None).shape == (count, 4, 30)
+
+
 @pytest.mark.parametrize(
     ("value", "says"),
     [

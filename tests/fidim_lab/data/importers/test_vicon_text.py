@@ -67,7 +67,6 @@ def replaced(index: int, line: str) -> list[str]:
         (replaced(1, "0"), "line 2: a frame rate of '0' Hz"),
         (replaced(1, ""), "line 2: a frame rate of '' Hz"),
         (replaced(2, "\t\t"), "line 3: names no marker"),
-        (replaced(2, "\t\ta\t\t\ta"), "line 3: marker 'a' occurs twice"),
         (replaced(2, "\t\t\t\t\tb"), "line 3, column 3: a marker without a name"),
         (replaced(3, "Frame\tSub Frame\tX\tY\tZ"), "line 4: 5 columns"),
         (replaced(4, "\t\tmm\tmm\tmm\tcm\tcm\tcm"), "line 5: units 'cm mm'"),
