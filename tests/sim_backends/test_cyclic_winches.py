@@ -1,4 +1,4 @@
-"""Winches in cyclic synchronous position mode, and the modes of commissioning, on simulated drives."""
+"""Winches in cyclic synchronous position mode, and a mode that a drive refuses, on simulated drives."""
 
 import asyncio
 from pathlib import Path
@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from drivers.cia402.dictionary import WinchConfig
-from drivers.cia402.motion import Cia402Winch, make_winch
+from drivers.cia402.motion import Cia402Winch, make_winch, pull_taut
 from drivers.cia402.motion.cyclic import CyclicWinch
-from drivers.cia402.motion.modes import home_here, jog, switch_mode
 from drivers.cia402.profile import Mode
 from drivers.cia402.profile.scale import wrap32
 from drivers.cia402.watch import CanopenMaster
@@ -339,63 +338,14 @@ def test_limits_and_a_second_move_are_refused():
     run(main())
 
 
-@pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION])
-@pytest.mark.parametrize("node", [1, 2])
-def test_jog(mode, node):
-    async def main():
-        async with Hall(config(node, mode=mode)) as hall:
-            (winch,) = hall.winches
-            await hall.ready()
-            await jog(winch, 0.1, 1.0)
-            paid_out = winch.latest().length
-            await jog(winch, -0.1, 1.0)
-            back = winch.latest()
-            await hall.go([1.2])
-            await hall.arrive()
-            with pytest.raises(RefusedError, match="refuses to jog"):
-                await jog(winch, 0.5, 1.0)
-            return paid_out, back, winch.latest().length, winch.link.values.mode
-
-    paid_out, back, end, shown = run(main())
-    assert paid_out == pytest.approx(1.1, abs=0.02)
-    assert back.length == pytest.approx(1.0, abs=0.02)
-    assert back.state is DriveState.OPERATION_ENABLED
-    assert end == pytest.approx(1.2, abs=1.0 / COUNTS)
-    assert shown == mode
-
-
-@pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION])
-def test_home_here_moves_nothing_but_the_count(mode):
-    async def main():
-        async with Hall(config(mode=mode)) as hall:
-            (winch,) = hall.winches
-            await hall.ready()
-            await hall.go([1.2])
-            await hall.arrive()
-            await clock.sleep(0.1)
-            before = hall.drives[0]._axis.feedback.motion.position
-            count = await home_here(winch, 500)
-            await clock.sleep(0.5)
-            with pytest.raises(DeviceError, match="does not home by method 17"):
-                await home_here(winch, 0, method=17)
-            return count, before, hall.drives[0]._axis.feedback.motion.position, winch.latest().state
-
-    count, before, after, state = run(main())
-    assert count == 500
-    assert after == pytest.approx(before, abs=0.5)
-    assert state is DriveState.OPERATION_ENABLED
-
-
 def test_a_mode_that_the_drive_does_not_take_is_an_error_and_the_old_one_stays():
     async def main():
         async with Hall(config(mode=Mode.PROFILE_POSITION)) as hall:
             (winch,) = hall.winches
-            hall.drives[0].faults.reject_mode(3)
+            hall.drives[0].faults.reject_mode(4)
             await hall.ready()
-            with pytest.raises(DeviceError, match=r"profile velocity \(3\) displayed \(6061\) expected"):
-                await jog(winch, 0.1, 1.0)
-            with pytest.raises(DeviceError, match="does not have the mode cyclic torque"):
-                await switch_mode(winch, Mode.CYCLIC_TORQUE)
+            with pytest.raises(DeviceError, match=r"profile torque \(4\) displayed \(6061\) expected"):
+                await pull_taut(winch, 1.0, 0.1, 0.1)
             await winch.enable()
             await hall.go([1.1])
             await hall.arrive()

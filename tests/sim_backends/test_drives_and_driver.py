@@ -9,7 +9,7 @@ import pytest
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.dictionary import WinchConfig
 from drivers.cia402.motion import Cia402Winch
-from drivers.cia402.watch import CanopenMaster
+from drivers.cia402.watch import CanopenMaster, acknowledge_fault
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
@@ -157,7 +157,8 @@ def test_a_fault_is_seen_and_reset_by_hand_only():
             assert "2310" in winch.latest().fault
             with pytest.raises(DeviceError):
                 await winch.enable()
-            await winch.reset_fault("the tester")
+            await acknowledge_fault(winch.link, clock, winch.config.device, "the tester")
+            await winch.configure()
             await winch.enable()
             await clock.sleep(0.05)
             return winch.latest().state

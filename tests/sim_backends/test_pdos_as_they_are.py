@@ -8,7 +8,6 @@ import pytest
 from benchmarks.drives.bench import DriveBench, walk, winch_config
 from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily
 from drivers.cia402.dictionary.fitted import by_file
-from drivers.cia402.motion.modes import jog
 from drivers.ports import DriveState
 from fidim_lab.app.doctor.checks import CheckVerdict
 from fidim_lab.app.doctor.drive_doctor import check_eds
@@ -199,8 +198,6 @@ def test_ramps_that_are_times_and_a_velocity_of_its_own(tmp_path):
             await bench.clock.sleep(0.2)
             assert bench.look().velocity == pytest.approx(0.1, rel=0.1), "0.5 m/s² for 0.2 s"
             await bench.arrive(1.4)
-            await jog(winch, -0.1, 1.0)
-            assert bench.look().length == pytest.approx(1.3, abs=0.02)
             assert bench.look().state is DriveState.OPERATION_ENABLED
 
     run(script())

@@ -21,11 +21,10 @@ from drivers.cia402.profile.words import controlword
 from drivers.cia402.watch.health import HealthPoll
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
-from drivers.cia402.watch.without_power import acknowledge_fault, read_state
 from drivers.cia402.wire.nmt import NmtCommand
 from drivers.ports import Clock, DriveState, WinchSample
 from drivers.trajectory import Trajectory
-from fidim_lab.errors import DeviceError, RefusedError
+from fidim_lab.errors import DeviceError
 
 _TRAVEL = 2e-3
 """m of cable that a winch must go one way for friction to have turned"""
@@ -210,30 +209,6 @@ class Cia402Winch:
         self._commanded, self.powered = None, False
         self._drive.send(self._drive.begin(), controlword(Command.DISABLE_VOLTAGE))
 
-    async def reset_fault(self, acknowledged_by: str) -> None:
-        """Leave the fault state, without power; `acknowledged_by` names the person who looked at the cause.
-
-        Never enables. By SDO where the node is not operational; it is then configured anew. Raises RefusedError without
-        a name, DeviceError where the drive stays in fault.
-        """
-        if not acknowledged_by.strip():
-            raise RefusedError(f"{self.config.device}: a fault is reset only when somebody acknowledges it by name.")
-        order = self._drive.begin()
-        if not self.link.takes_pdos:  # some leave OPERATIONAL while a fault stands: their samples have ended
-            self.link.latched = None
-            if await read_state(self.link) is DriveState.FAULT:
-                await acknowledge_fault(self.link, self.clock, self.config.device, acknowledged_by)
-            return
-        state = state_of(self._drive.believed().statusword)
-        self.link.latched = None
-        if state is not DriveState.FAULT:
-            return
-        self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))  # bit 7 low first: a reset is its rising edge
-        await self._master.clock.sleep(2.0 * self._master.period)
-        self._drive.send(order, controlword(Command.FAULT_RESET))
-        await self._drive.reach(order, DriveState.SWITCH_ON_DISABLED, after=Command.FAULT_RESET)
-        self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))
-
     @property
     def commanded(self) -> Trajectory | None:
         """The commanded cable length (m); None before power, and while something else than a winch uses the drive."""
@@ -245,7 +220,7 @@ class Cia402Winch:
             self._commanded = Trajectory.standing(self._master.clock.now(), sample.length)
 
     def free(self) -> None:
-        """No command is in force: modes for commissioning move the drive by themselves."""
+        """No command is in force: taking up slack moves the drive by itself."""
         self._commanded = None
 
     def _stops(self, deceleration: float) -> None:

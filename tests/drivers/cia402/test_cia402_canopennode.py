@@ -19,6 +19,7 @@ from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.motion.cyclic import CyclicWinch
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode
+from drivers.cia402.watch import acknowledge_fault
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
 from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.ports import DriveState
@@ -184,7 +185,7 @@ def test_a_fault_is_named_and_reset_by_a_person(node, against):
         assert state_of(await winch.link.sdo.read(0x6041)) is DriveState.FAULT
         with pytest.raises(DeviceError, match="following error"):
             await winch.enable()
-        await winch.reset_fault("A. Person")
+        await acknowledge_fault(winch.link, master.clock, winch.config.device, "A. Person")
         assert state_of(await winch.link.sdo.read(0x6041)) is DriveState.SWITCH_ON_DISABLED
         await winch.configure()
         await winch.enable()

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from drivers.cia402.watch import acknowledge_fault
 from drivers.ports import DriveState, Winch
 from fidim_lab.errors import BusError, DeviceError, RefusedError
 
@@ -224,6 +225,11 @@ def test_a_mode_that_is_not_displayed_is_no_confirmation(on_bench: OnBench) -> N
     on_bench(script)
 
 
+async def acknowledged(bench: Any, by: str = "A. Person") -> None:
+    """As `fidim power-off --acknowledge` does it."""
+    await acknowledge_fault(bench.winch.link, bench.master.clock, bench.winch.config.device, by)
+
+
 def test_a_fault_is_named_latched_and_reset_only_by_a_person(on_bench: OnBench) -> None:
     async def script(bench: Any) -> None:
         await bench.enabled()
@@ -235,11 +241,12 @@ def test_a_fault_is_named_latched_and_reset_only_by_a_person(on_bench: OnBench) 
         with pytest.raises(DeviceError, match="following error"):
             await bench.winch.enable()
         with pytest.raises(RefusedError, match="acknowledges it by name"):
-            await bench.winch.reset_fault(" ")
+            await acknowledged(bench, " ")
         bench.drive.controlwords.clear()
-        await bench.winch.reset_fault("A. Person")
+        await acknowledged(bench)
         assert bench.drive.controlwords == [0x00, 0x80, 0x00]
         assert bench.drive.state == "disabled"
+        await bench.winch.configure()
         assert bench.winch.latest().fault == ""
         await bench.winch.enable()
 
@@ -252,8 +259,8 @@ def test_a_fault_that_stays(on_bench: OnBench) -> None:
         bench.bus.deliver(*bench.drive.fail(0x7305))
         bench.drive.deaf_to.add(0x80)
         await bench.cycles(2)
-        with pytest.raises(DeviceError, match=r"switch on disabled after fault reset expected .*found: fault"):
-            await bench.winch.reset_fault("A. Person")
+        with pytest.raises(DeviceError, match="is still in “fault” after 3 s"):
+            await acknowledged(bench)
         assert "encoder" in bench.winch.latest().fault
 
     on_bench(script)
@@ -275,7 +282,7 @@ def test_a_fault_at_which_the_node_leaves_operational_is_reset_by_sdo(on_bench: 
         assert "following error" in sample.fault
         assert "PRE-OPERATIONAL, not OPERATIONAL" in sample.fault
         drive.controlwords.clear()
-        await bench.winch.reset_fault("A. Person")
+        await acknowledged(bench)
         assert (drive.controlwords, drive.state) == ([0x00, 0x80, 0x00], "disabled")
         drive.put(0x1001, 0)
         await bench.winch.configure()
@@ -307,7 +314,9 @@ def test_an_emergency_without_fault_still_holds_but_does_not_move(on_bench: OnBe
         await bench.winch.hold()
         bench.bus.deliver(0x83, bytes.fromhex("0000080000000000"))
         assert "temperature" in bench.winch.latest().fault, "one of several errors has gone, its register says"
-        await bench.winch.reset_fault("A. Person")
+        bench.winch.power_off()
+        await bench.cycles(5)
+        await bench.winch.configure()
         assert bench.winch.latest().fault == ""
 
     on_bench(script)
