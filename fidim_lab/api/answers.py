@@ -78,7 +78,7 @@ class Identified:
         axis.errorbar(table.index, 1e3 * (table["value"] - table["nominal"]), 1e3 * error, fmt="o", capsize=4)
         axis.axhline(0.0, color="0.6", lw=0.8)
         axis.set_ylabel("identified less CAD / mm, 1e-3 m²")
-        axis.set_title(self.result.message, fontsize="small", wrap=True)
+        axis.set_title(self.result.answer.message, fontsize="small", wrap=True)
         return figure
 
     def save(self, path: Path | str) -> None:
@@ -95,7 +95,7 @@ class Identified:
         return f"Identified({self.result.campaign!r}: {self.outcome.code}, s = ({s}) mm)"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.result.message}</p>{self.to_frame().to_html()}"
+        return f"<p>{self.result.answer.message}</p>{self.to_frame().to_html()}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

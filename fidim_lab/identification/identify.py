@@ -24,6 +24,7 @@ from fidim_lab.identification.results.result import (
     IdentificationResult,
     InertialParameter,
     ResultOutcome,
+    ShortAnswer,
     WindowVerdict,
 )
 from fidim_lab.identification.results.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
@@ -67,7 +68,8 @@ def identify(
     notes = (*notes, *recordings.notes)
     filtered = low_passed(recordings.campaign)
     if filtered is not None and not result.outcome.answers:  # what it leaves unexplained is the filter's
-        result = replace(result, message=f"{filtered.says} {result.message}")
+        answer = result.answer
+        result = replace(result, answer=replace(answer, verdict=f"{filtered.says} {answer.verdict}"))
     elif filtered is not None:
         notes = (*notes, filtered.says)
     return replace(result, removed=recordings.removed, warnings=(*notes, *result.warnings))
@@ -84,7 +86,7 @@ def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Ch
         campaign=campaign.name,
         method=method,
         outcome=outcome,
-        message=_message(outcome, estimate, windows),
+        answer=_answer(outcome, estimate, windows),
         parameters=parameters,
         non_essential=estimate.non_essential,
         sigma_W=estimate.sigma_W,
@@ -153,12 +155,14 @@ def _doubtful(estimate: Estimate) -> tuple[str, ...]:
     return tuple(n for n in PARAMETER_NAMES if n in by_spread or n in estimate.doubtful)
 
 
-def _message(outcome: ResultOutcome, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> str:
-    used = were_used(w.id for w in windows if w.used and w.role is Role.IDENTIFY)
-    parts = [outcome.value, consistency.sentence(estimate.body), f"{used}."]
-    if doubtful := _doubtful(estimate):
-        parts.append(f"Not well identified: {', '.join(doubtful)}.")
-    return " ".join(parts)
+def _answer(outcome: ResultOutcome, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> ShortAnswer:
+    used, loose = were_used(w.id for w in windows if w.used and w.role is Role.IDENTIFY), _doubtful(estimate)
+    return ShortAnswer(
+        verdict=outcome.value,
+        certain=f"{consistency.sentence(estimate.body)} {used}.",
+        not_known=f"Not well identified: {', '.join(loose)}." if loose else "",
+        next=outcome.next,
+    )
 
 
 def _warnings(problem: Problem, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:

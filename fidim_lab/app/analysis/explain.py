@@ -57,9 +57,9 @@ def explain_command(
 
 def summary(explanation: Explanation) -> RenderableType:
     """The whole answer for a terminal: four short parts, effects, what was tried, the body, details."""
-    parts: list[RenderableType] = [
-        Text(f"{explanation.campaign}: {explanation.verdict.value}", style="bold"),
-        *_parts(explanation),
+    answer = explanation.answer
+    shown: list[RenderableType] = [
+        *console.answer(f"{explanation.campaign}: {explanation.verdict.value}", () if answer is None else answer.parts),
         *(effect_table(cause) for cause in explanation.effects),
         *(_sizes_table(f"Like {term.like}: {term.says}", term.parameters) for term in explanation.law),
         *([Text("Where it shows", style="bold")] if explanation.where else []),
@@ -68,13 +68,7 @@ def summary(explanation: Explanation) -> RenderableType:
         parameter_table(explanation),
         Text(explanation.message),
     ]
-    return Group(*parts)
-
-
-def _parts(explanation: Explanation) -> list[RenderableType]:
-    """The answer in four short parts."""
-    answer = explanation.answer
-    return [] if answer is None else [Text(f"{title}: {said}") for title, said in answer.parts]
+    return Group(*shown)
 
 
 def effect_table(cause: NamedCause) -> Table:

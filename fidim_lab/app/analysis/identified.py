@@ -26,9 +26,9 @@ from fidim_lab.units import millimetres, percent, plain
 
 
 def summary(result: IdentificationResult) -> RenderableType:
-    """The whole answer for a terminal: parameters, gauge-free values, windows, warnings, a closing sentence."""
+    """The whole answer for a terminal: four short parts, tables, warnings, and how far to trust it."""
     parts: list[RenderableType] = [
-        Text(f"{result.campaign}: {result.message}"),
+        *console.answer(f"{result.campaign}: {result.outcome.code}", result.answer.parts),
         parameter_table(result),
         gauge_table(result),
         window_table(result),

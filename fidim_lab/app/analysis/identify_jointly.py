@@ -42,7 +42,7 @@ def summary(found: JointResult) -> RenderableType:
     """The whole answer for a terminal."""
     result = found.result
     return Group(
-        Text(f"{result.campaign}: {result.message}"),
+        *console.answer(f"{result.campaign}: {result.outcome.code}", result.answer.parts),
         parameter_table(result),
         gauge_table(result),
         *([cross_table(found)] if found.cross else []),

@@ -82,7 +82,7 @@ def payload_command(
     with Working("identifying with the payload", windows_of(option.campaign)):
         loaded = run_identify(option.campaign, empty.method.value, paper=paper, predict=False)
     console.out.print(summary(empty))
-    console.out.print(f"With the payload: {loaded.message}", markup=False)
+    console.out.print(f"With the payload: {loaded.answer.message}", markup=False)
     for warning in loaded.warnings:
         console.out.print(f"warning: with the payload: {warning}", style="yellow", markup=False)
     if unusable := [r for r in (empty, loaded) if r.outcome in UNUSABLE]:

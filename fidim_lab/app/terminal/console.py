@@ -36,3 +36,8 @@ def columns(table: Table, *names: str, left: int = 1) -> None:
     """Head a table: the first `left` columns hold words, the others figures."""
     for index, name in enumerate(names):
         table.add_column(name, justify="left" if index < left else "right")
+
+
+def answer(head: str, parts: Iterable[tuple[str, str]]) -> list[Text]:
+    """An answer's bold head, and its parts (title, text), each in a line of its own."""
+    return [Text(head, style="bold"), *(Text(f"{title}: {said}") for title, said in parts)]

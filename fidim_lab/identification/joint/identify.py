@@ -18,7 +18,7 @@ from fidim_lab.identification.joint.cross import Cross, cross_predictions
 from fidim_lab.identification.joint.fit import FRICTION, Alone, alone, fit_jointly
 from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import Common, in_common
-from fidim_lab.identification.joint.words import message, warnings
+from fidim_lab.identification.joint.words import answer, warnings
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
@@ -93,7 +93,7 @@ def identify_jointly(campaigns: Sequence[Campaign], *, native: bool = False, pre
         campaign=" + ".join(campaign.name for campaign in campaigns),
         method=Method.MLE,
         outcome=ended,
-        message=message(ended, whole, figures),
+        answer=answer(ended, whole, figures),
         parameters=figures.parameters,
         non_essential=figures.non_essential,
         sigma_W=None,

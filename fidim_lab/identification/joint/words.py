@@ -10,32 +10,26 @@ from fidim_lab.identification.joint.cross import Cross
 from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle.dissipated import lost_energy
-from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
+from fidim_lab.identification.mle.findings import MISFIT, Figures, not_known
 from fidim_lab.identification.mle.geometry_words import encoders_say, furthest
-from fidim_lab.identification.results.result import Geometry, ResultOutcome
+from fidim_lab.identification.results.result import Geometry, ResultOutcome, ShortAnswer
 from fidim_lab.identification.survey import TYPICAL_ANCHOR
 from fidim_lab.units import millimetres, plain
 
 
-def message(ended: ResultOutcome, whole: JointFit, figures: Figures) -> str:
-    """A paragraph for a person."""
+def answer(ended: ResultOutcome, whole: JointFit, figures: Figures) -> ShortAnswer:
+    """In four parts for a person."""
     windows = sum(len({whole_id(r.window.id) for r in m.likelihood.recordings}) for m in whole.members)
     every = [left for of_one in whole.remainders for left in of_one]
     lost = lost_energy(every, whole.members[0].likelihood.noise) if whole.excess > MISFIT else None
-    parts = [
-        ended.value,
-        *(() if lost is None else (lost.says,)),
-        f"{windows} windows of {len(whole.members)} campaigns were fitted with one body and one geometry; χ²/dof is "
-        f"{plain(whole.chi2_per_dof)}.",
-        consistency.sentence(figures.body),
-    ]
-    if ended is ResultOutcome.NOT_CONVERGED:
-        parts.append(whole.optimum.ending.value)
-    if figures.unseen:
-        parts.append(f"Not determined by these recordings: {', '.join(figures.unseen)}.")
-    if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
-        parts.append(f"Not well identified: {', '.join(loose)}.")
-    return " ".join(parts)
+    ending = whole.optimum.ending.value if ended is ResultOutcome.NOT_CONVERGED else ""
+    return ShortAnswer(
+        verdict=" ".join(filter(None, (ended.value, "" if lost is None else lost.says, ending))),
+        certain=f"{windows} windows of {len(whole.members)} campaigns were fitted with one body and one geometry; "
+        f"χ²/dof is {plain(whole.chi2_per_dof)}. {consistency.sentence(figures.body)}",
+        not_known=not_known(figures),
+        next=ended.next,
+    )
 
 
 def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequence[Cross]) -> tuple[str, ...]:

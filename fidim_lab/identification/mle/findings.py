@@ -1,4 +1,4 @@
-"""A trajectory fit in words: outcome, message, warnings. No number is computed here except for comparison."""
+"""A trajectory fit in words: outcome, answer, warnings. No number is computed here except for comparison."""
 
 from dataclasses import dataclass
 
@@ -18,6 +18,7 @@ from fidim_lab.identification.results.result import (
     IdentificationResult,
     InertialParameter,
     ResultOutcome,
+    ShortAnswer,
     WindowVerdict,
 )
 from fidim_lab.model.sensitivity.equations import EASE
@@ -127,12 +128,10 @@ def cause(found: Fit, exact: Fit | None) -> str:
     return next((lost.says for lost in losses if lost is not None), "")
 
 
-def message(ended: ResultOutcome, found: Fit, figures: Figures, lacks: str) -> str:
-    """A paragraph for a person. lacks: `cause`."""
+def answer(ended: ResultOutcome, found: Fit, figures: Figures, lacks: str) -> ShortAnswer:
+    """In four parts for a person. lacks: `cause`."""
     eigenvalue, in_sd = distance_to_boundary(figures.body, figures.covariance)
     parts = [
-        ended.value,
-        *((lacks,) if lacks else ()),
         f"{were_used(r.window.id for r in found.likelihood.recordings)}; χ²/dof is {plain(found.chi2_per_dof)}.",
         consistency.sentence(figures.body),
     ]
@@ -144,13 +143,18 @@ def message(ended: ResultOutcome, found: Fit, figures: Figures, lacks: str) -> s
     elif eigenvalue > 0:
         far = plain(in_sd) if in_sd <= FAR else f"more than {FAR}"
         parts.append(f"The nearest body that cannot exist is {far} sd away.")
-    if ended is ResultOutcome.NOT_CONVERGED or found.ending is Ending.EDGE:
-        parts.append(found.ending.value)
-    if figures.unseen:
-        parts.append(f"Not determined by these recordings: {', '.join(figures.unseen)}.")
-    if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
-        parts.append(f"Not well identified: {', '.join(loose)}.")
-    return " ".join(parts)
+    ending = found.ending.value if ended is ResultOutcome.NOT_CONVERGED or found.ending is Ending.EDGE else ""
+    verdict = " ".join(filter(None, (ended.value, lacks, ending)))
+    more_than_noise = ended is ResultOutcome.CONVERGED and not found.explained
+    advice = (ResultOutcome.MISFIT if more_than_noise else ended).next
+    return ShortAnswer(verdict, " ".join(parts), not_known(figures), advice)
+
+
+def not_known(figures: Figures) -> str:
+    """The parameters that the recordings hardly determine, or not at all."""
+    loose = [name for name in doubtful(figures) if name not in figures.unseen]
+    heads = (("Not determined by these recordings", figures.unseen), ("Not well identified", loose))
+    return " ".join(f"{head}: {', '.join(names)}." for head, names in heads if names)
 
 
 def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
@@ -192,14 +196,10 @@ def closing(result: IdentificationResult) -> str:
     if result.outcome is ResultOutcome.MISFIT:
         return (
             f"The model lacks something: its residual is {result.noise_ratio:.2g} times the noise"
-            f"{judged}. {basis} {size}; an error that is the same in all windows is not included. "
-            "Run fidim explain to find what is missing."
+            f"{judged}. {basis} {size}; an error that is the same in all windows is not included."
         )
     if any(SOMETHING in warning for warning in result.warnings):
-        return (
-            f"Little more than noise is left{judged}, but more than chance explains. {basis} {size}. "
-            "Run fidim explain to find what is missing."
-        )
+        return f"Little more than noise is left{judged}, but more than chance explains. {basis} {size}."
     alone = "" if spread else " by the sd only, since there are too few windows for a spread"
     return f"The model explains the recordings down to noise{judged}: {size}{alone}."
 

@@ -87,7 +87,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         campaign=campaign.name,
         method=Method.MLE,
         outcome=outcome,
-        message=findings.message(outcome, found, figures, lacks),
+        answer=findings.answer(outcome, found, figures, lacks),
         parameters=figures.parameters,
         non_essential=figures.non_essential,
         sigma_W=side.estimate.sigma_W if isinstance(side, _Side) else None,

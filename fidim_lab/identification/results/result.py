@@ -1,4 +1,4 @@
-"""The result of `identify`: frozen, with an outcome and a sentence."""
+"""The result of `identify`: frozen, with an outcome and an answer in words."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -52,6 +52,37 @@ class ResultOutcome(Enum):
     def code(self) -> str:
         """As result files have it ("fidim-result/1")."""
         return _CODES[self]
+
+    @property
+    def next(self) -> str:
+        """What to do about it, as a sentence."""
+        if self is ResultOutcome.CONVERGED:
+            return "Nothing more is needed."
+        if self in (ResultOutcome.DOUBTFUL, ResultOutcome.UNSEEN):
+            return "Record more windows, at other equilibria and with larger swings."
+        return "Run fidim explain to find what is missing."
+
+
+@dataclass(frozen=True)
+class ShortAnswer:
+    """An answer in four short parts, for people; a part may be empty."""
+
+    verdict: str
+    certain: str = ""
+    not_known: str = ""
+    next: str = ""
+
+    @property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Those that say something, with their titles."""
+        titles = ("Verdict", "Certain", "Not known", "Next")
+        said = (self.verdict, self.certain, self.not_known, self.next)
+        return tuple((title, part) for title, part in zip(titles, said, strict=True) if part)
+
+    @property
+    def message(self) -> str:
+        """What was found, as one paragraph."""
+        return " ".join(filter(None, (self.verdict, self.certain, self.not_known)))
 
 
 _CODES = {
@@ -205,7 +236,7 @@ class IdentificationResult:
     campaign: str
     method: Method
     outcome: ResultOutcome
-    message: str
+    answer: ShortAnswer
     parameters: dict[str, InertialParameter]
     """in the order of PARAMETER_NAMES, all nine estimated together"""
     non_essential: tuple[str, ...]
@@ -234,7 +265,7 @@ class IdentificationResult:
     fallback: str = ""
     """why this method is shown in the place of the one that suits the campaign; empty where it is that one"""
     cause: str = ""
-    """what the model is seen to lack, a sentence that `message` has too; empty where that is not seen"""
+    """what the model is seen to lack, a sentence that `answer` has too; empty where that is not seen"""
 
     @property
     def body(self) -> Body:
@@ -279,7 +310,7 @@ class IdentificationResult:
             "campaign": self.campaign,
             "method": self.method.value,
             "outcome": self.outcome.code,
-            "message": self.message,
+            "message": self.answer.message,
             "parameters": {
                 name: {
                     "value": p.value if p.seen else None,

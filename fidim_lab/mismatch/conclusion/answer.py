@@ -9,7 +9,8 @@ from math import isfinite
 
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, ShortAnswer, Verdict
+from fidim_lab.identification.results.result import ShortAnswer
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, plain
 
@@ -34,7 +35,7 @@ def with_answer(told: Explanation) -> Explanation:
     answer = ShortAnswer(
         verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
         certain=" ".join(dict.fromkeys(_certain(told))) or "Nothing beyond the verdict.",
-        not_told_apart=" ".join(_open(told.effects))
+        not_known=" ".join(_open(told.effects))
         or "Nothing; each named effect has odds over 20 to 1 against its rivals."
         if told.effects
         else "No effect was named.",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fidim_lab.identification.results.result import Geometry
+from fidim_lab.identification.results.result import Geometry, ShortAnswer
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
@@ -103,22 +103,6 @@ class LawTerm:
     says: str
     """with the formula"""
     parameters: dict[str, EffectParameter]
-
-
-@dataclass(frozen=True)
-class ShortAnswer:
-    """The answer in four short parts, for people."""
-
-    verdict: str
-    certain: str
-    not_told_apart: str
-    next: str
-
-    @property
-    def parts(self) -> tuple[tuple[str, str], ...]:
-        """With their titles."""
-        titles = ("Verdict", "Certain", "Not known", "Next")
-        return tuple(zip(titles, (self.verdict, self.certain, self.not_told_apart, self.next), strict=True))
 
 
 @dataclass(frozen=True)
@@ -285,7 +269,7 @@ def _parts(answer: ShortAnswer) -> dict[str, str]:
     return {
         "says": answer.verdict,
         "certain": answer.certain,
-        "not_told_apart": answer.not_told_apart,
+        "not_told_apart": answer.not_known,
         "next": answer.next,
     }
 

@@ -24,7 +24,7 @@ def write_joint_page(found: JointResult, out: Path) -> Path:
     page = ComparePage(
         title=result.campaign,
         badges=("✓ identified" if result.outcome.answers else "✗ not identified",),
-        summary=(("Found", result.message), ("Worth", closing(found))),
+        summary=(*result.answer.parts, ("Worth", closing(found))),
         warnings=result.warnings,
         tables=_tables(found),
         drawings=(Drawing(_windows(found), "rms of every window, fitted and held out, in mm.", "windows"),),

@@ -125,7 +125,7 @@ def _summary(
         without = " ".join(one for one in (found, trust, beside) if one)
         return (recorded, ("Found", explanation.sentence), ("Without it", without))
     truth = (("Truth", beside),) if beside else ()
-    return (recorded, ("Found", found), ("Trust", trust), *truth, *left_out)
+    return (recorded, ("Found", found), ("Trust", trust), *truth, *left_out, ("Next", result.answer.next))
 
 
 def _true(contents: Contents) -> Body | None:

@@ -23,6 +23,7 @@ from fidim_lab.identification.results.result import (
     IdentificationResult,
     InertialParameter,
     ResultOutcome,
+    ShortAnswer,
     WindowVerdict,
 )
 from fidim_lab.identification.results.result_file import read_result
@@ -42,9 +43,9 @@ def made_up(
     values = (0.002, -0.001, 0.19, 0.06, 0.06, 0.03, 0.0, 0.0, 0.0)
     parameters = {n: InertialParameter(v, 1e-5, spread, spread, v * 1.1) for n, v in zip(names, values, strict=True)}
     return IdentificationResult(
-        campaign="c04", method=Method.TLS, outcome=outcome, message="Done.", parameters=parameters, non_essential=(),
-        sigma_W=0.05, C=9.0, windows=used, warnings=("mind the gap",), seconds=1.0, noise_ratio=noise_ratio,
-        covariance=1e-10 * np.eye(9), attachment_plane=0.2665,
+        campaign="c04", method=Method.TLS, outcome=outcome, answer=ShortAnswer("Done."), parameters=parameters,
+        non_essential=(), sigma_W=0.05, C=9.0, windows=used, warnings=("mind the gap",), seconds=1.0,
+        noise_ratio=noise_ratio, covariance=1e-10 * np.eye(9), attachment_plane=0.2665,
     )  # fmt: skip
 
 
@@ -60,6 +61,11 @@ def test_the_summary_shows_parameters_gauge_and_warnings():
     assert "-76.500" in shown  # s_z − a_z: what does not depend on where P is put
     assert "I_zz about G" in shown
     assert "warning: mind the gap" in shown
+
+
+def test_the_answer_comes_first_in_short_parts():
+    shown = text_of(replace(made_up(), answer=ShortAnswer("Done.", certain="12 windows.", next="Use it.")))
+    assert shown.splitlines()[:4] == ["c04: converged", "Verdict: Done.", "Certain: 12 windows.", "Next: Use it."]
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from fidim_lab.identification.results.result import (
     InertialParameter,
     Residual,
     ResultOutcome,
+    ShortAnswer,
     WindowVerdict,
 )
 from fidim_lab.model.equilibria import equilibrium_at
@@ -144,7 +145,7 @@ def result_of():
             for name, value, nominal in zip(PARAMETER_NAMES, values, campaign.robot.nominal.vector, strict=True)
         }
         result = IdentificationResult(
-            campaign=campaign.name, method=Method.TLS, outcome=ResultOutcome.CONVERGED, message="Done.",
+            campaign=campaign.name, method=Method.TLS, outcome=ResultOutcome.CONVERGED, answer=ShortAnswer("Done."),
             parameters=parameters, non_essential=(), sigma_W=0.0613, C=9.0,
             windows=tuple(verdict_on(window) for window in campaign.windows), warnings=("mind the gap",), seconds=1.0,
             noise_ratio=1.07, covariance=1e-8 * np.eye(9), attachment_plane=0.2665,

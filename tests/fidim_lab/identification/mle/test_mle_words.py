@@ -231,7 +231,9 @@ def test_the_closing_sentence_follows_the_outcome(four, record):
     assert re.search(
         r"explains the recordings down to noise, and held-out windows with χ²/dof of [01]\.\d", closing(good)
     )
-    assert "fidim explain" in closing(replace(good, outcome=ResultOutcome.MISFIT))
+    assert "lacks something" in closing(replace(good, outcome=ResultOutcome.MISFIT))
+    assert good.answer.verdict == ResultOutcome.CONVERGED.value
+    assert good.answer.next == "Nothing more is needed."
 
 
 def test_windows_need_not_be_predicted(four, record):

@@ -43,7 +43,7 @@ def test_a_single_name_is_certain_with_its_size() -> None:
     found = answer(explanation(Verdict.EXPLAINED, SWIVEL))
     assert found.verdict.startswith("Left out: swivel-friction. χ²/dof 41 → 1.02")
     assert found.certain == "swivel-friction: c = 0.01 ± 0.0002 N m."
-    assert found.not_told_apart.startswith("Nothing;")
+    assert found.not_known.startswith("Nothing;")
 
 
 def test_what_is_seen_of_a_cause_is_told_before_what_is_not() -> None:
@@ -67,7 +67,7 @@ def test_a_class_is_told_by_what_its_members_share_each_with_its_size() -> None:
     assert found.verdict.startswith("Left out: dissipation of rotation.")
     assert found.certain == "Dissipation of rotation, whatever its place."
     size = "swivel-friction: c = 0.01 ± 0.0002 N m or rotational-drag: c = 0.03 N m s"
-    assert found.not_told_apart == f"Whether it is {size} (77 % for the first)."
+    assert found.not_known == f"Whether it is {size} (77 % for the first)."
     assert "design --after" in found.next
 
 
@@ -76,7 +76,7 @@ def test_what_is_told_holds_95_percent_of_the_weight() -> None:
     cause = replace(EITHER, members=(near, far))
     assert cause.weights == pytest.approx((0.4955, 0.4955, 0.0091), abs=1e-4)
     assert cause.likely == (near,)
-    assert "swivel-damping" not in answer(explanation(Verdict.EXPLAINED, cause)).not_told_apart
+    assert "swivel-damping" not in answer(explanation(Verdict.EXPLAINED, cause)).not_known
 
 
 def test_what_is_held_has_no_spread() -> None:
@@ -98,7 +98,7 @@ def test_geometry_within_its_survey_is_no_cause() -> None:
     geometry = Geometry(10.0, (Moved("anchor", 1, (1e-3, -1e-3, 1e-3), (1e-4,) * 3),))
     found = answer(replace(explanation(Verdict.NOTHING_MISSING), geometry=geometry))
     assert "anchors in the robot file are wrong by 1 mm" in found.certain
-    assert found.not_told_apart == "No effect was named."
+    assert found.not_known == "No effect was named."
     assert "[survey]" in found.next
 
 
