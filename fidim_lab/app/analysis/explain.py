@@ -14,7 +14,8 @@ from rich.text import Text
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, write_explanation
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, write_explanation
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.selection.budget import PATIENCE
 from fidim_lab.units import millimetres, plain, signed

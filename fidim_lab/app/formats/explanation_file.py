@@ -8,17 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from fidim_lab.app.formats.explanation_parts import (
-    EffectTable,
-    ExplanationPart,
-    HeldOutTable,
-    LawTermTable,
-    RankedTable,
-    WhereTable,
-)
+from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, WhereTable
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
+from fidim_lab.mismatch.conclusion.parts import HeldOutFigures, LawTerm, Ranked
 from fidim_lab.mismatch.next_experiment.proposal import Claim
 from fidim_lab.mismatch.unknown_force.field import Field
 
@@ -78,8 +72,8 @@ class ExplanationTable(ExplanationPart):
     verdict: Verdict
     effects: tuple[EffectTable, ...]
     where: tuple[WhereTable, ...]
-    held_out: HeldOutTable
-    ranking: tuple[RankedTable, ...]
+    held_out: HeldOutFigures
+    ranking: tuple[Ranked, ...]
     parameters: dict[str, BodyParameterTable]
     parameters_before: dict[str, BodyParameterTable]
     next_experiment: str | None
@@ -87,7 +81,7 @@ class ExplanationTable(ExplanationPart):
     seconds: float | None = None
     untested: tuple[str, ...] = ()
     unknown: UnknownTable | None = None
-    law: tuple[LawTermTable, ...] = ()
+    law: tuple[LawTerm, ...] = ()
     geometry: GeometryTable | None = None
 
 

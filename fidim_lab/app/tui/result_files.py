@@ -10,18 +10,12 @@ from pathlib import Path
 from typing import Literal
 
 from drivers.ports import Clock
-from fidim_lab.app.formats.explanation_parts import (
-    BeforeTable,
-    EffectTable,
-    ExplanationPart,
-    HeldOutTable,
-    RankedTable,
-    WhereTable,
-)
+from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, WhereTable
 from fidim_lab.app.tui.aside import Aside, StalledError
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.errors import FileError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
+from fidim_lab.mismatch.conclusion.parts import Before, HeldOutFigures, Ranked
 
 RESULT = "result.json"
 EXPLANATION = "explanation.json"
@@ -29,7 +23,7 @@ EVERY = 1.0
 """s between two looks at the files"""
 
 
-_UNKNOWN = BeforeTable(before=None, after=None)
+_UNKNOWN = Before(before=None, after=None)
 
 
 class ShownExplanation(ExplanationPart):
@@ -40,8 +34,8 @@ class ShownExplanation(ExplanationPart):
     message: str
     effects: tuple[EffectTable, ...] = ()
     where: tuple[WhereTable, ...] = ()
-    held_out: HeldOutTable = HeldOutTable(chi2_per_dof=_UNKNOWN, rms_mm=_UNKNOWN)
-    ranking: tuple[RankedTable, ...] = ()
+    held_out: HeldOutFigures = HeldOutFigures(chi2_per_dof=_UNKNOWN, rms_mm=_UNKNOWN)
+    ranking: tuple[Ranked, ...] = ()
     next_experiment: str | None = None
 
 

@@ -10,7 +10,8 @@ from math import isfinite
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.identification.results.result import ShortAnswer
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, plain
 

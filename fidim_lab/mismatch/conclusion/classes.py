@@ -7,7 +7,8 @@ stands alone where every rival loses odds of 20, general geometry among them.
 import numpy as np
 
 from fidim_lab.identification.mle.evidence import ODDS
-from fidim_lab.mismatch.conclusion.explanation import ClassMember, EffectParameter
+from fidim_lab.mismatch.conclusion.explanation import ClassMember
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.selection.confounders import imitators

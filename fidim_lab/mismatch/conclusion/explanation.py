@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fidim_lab.identification.results.result import Geometry, ShortAnswer
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, LawTerm, Ranked
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
@@ -25,16 +26,6 @@ class Verdict(StrEnum):
     PARTLY_EXPLAINED = "partly-explained"
     UNKNOWN_PHYSICS = "unknown-physics"
     SENSOR_FAULT = "sensor-fault"
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One parameter of a named effect, SI."""
-
-    value: float
-    sd: float | None
-    """None where it is held at a bound"""
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -95,17 +86,6 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class LawTerm:
-    """One term of a model with a law of force that has no name."""
-
-    like: str
-    """in a few words: what it acts like, or the id of an effect beside it"""
-    says: str
-    """with the formula"""
-    parameters: dict[str, EffectParameter]
-
-
-@dataclass(frozen=True)
 class MismatchPlace:
     """The place of a mismatch."""
 
@@ -121,57 +101,12 @@ class MismatchPlace:
 
 
 @dataclass(frozen=True)
-class Ranked:
-    """One model that was tried."""
-
-    effects: tuple[str, ...]
-    held_out_chi2_per_dof: float | None
-    plausible: bool
-    why: str
-    forms: str = ""
-    """the effects with their forms ("swivel-friction (giving way)"), where these are known"""
-    lost: str = ""
-    """why it lost against the model that is named, in a line; empty for that model"""
-
-    @property
-    def told(self) -> str:
-        """Why it lost; the figures of the one that is named."""
-        return self.lost or self.why
-
-    @property
-    def name(self) -> str:
-        """For people."""
-        return self.forms or " + ".join(self.effects) or "nothing left out"
-
-
-@dataclass(frozen=True)
 class BodyParameter:
     """One of the nine base parameters."""
 
     value: float
     sd: float
     nominal: float
-
-
-@dataclass(frozen=True)
-class Before:
-    """A figure without and with the effects."""
-
-    before: float | None
-    after: float | None
-
-
-@dataclass(frozen=True)
-class OpenedOnce:
-    """Figures of windows that neither fitted nor chose anything."""
-
-    chi2_per_dof: Before
-    rms_mm: Before
-
-    @property
-    def table(self) -> dict[str, Any]:
-        """As spec/formats.md has it."""
-        return {"chi2_per_dof": vars(self.chi2_per_dof), "rms_mm": vars(self.rms_mm)}
 
 
 @dataclass(frozen=True)
@@ -202,7 +137,7 @@ class Explanation:
     """what was left open of the robot file's, and where the recordings have it; None where it counts as exact"""
     answer: ShortAnswer | None = None
     """in four short parts"""
-    test: OpenedOnce | None = None
+    test: HeldOutFigures | None = None
     """of the windows of role `test`, opened once with the model that is told; None without any"""
     readings: tuple[Reading, ...] = ()
     """what lengths and cameras were off by, put right in the fit; and noise that is not as stated"""

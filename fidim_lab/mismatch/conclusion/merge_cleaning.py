@@ -6,7 +6,8 @@ from fidim_lab.effects.without_term import HandContact
 from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, MismatchPlace, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, MismatchPlace, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.thresholds import SHARED
 
 MOST_PLACES = 6

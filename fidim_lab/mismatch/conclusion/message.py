@@ -10,16 +10,8 @@ from fidim_lab.effects.without_term import UnknownEffect
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.trajectories.stages import HORIZONS
 from fidim_lab.mismatch.conclusion.classes import alike, general_geometry_may_be_it, stands_alone
-from fidim_lab.mismatch.conclusion.explanation import (
-    Before,
-    BodyParameter,
-    EffectParameter,
-    Explanation,
-    LawTerm,
-    MismatchPlace,
-    NamedCause,
-    Verdict,
-)
+from fidim_lab.mismatch.conclusion.explanation import BodyParameter, Explanation, MismatchPlace, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, LawTerm
 from fidim_lab.mismatch.conclusion.ranking import ranking
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline

@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from fidim_lab.data.records import Campaign, Role
-from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, OpenedOnce
+from fidim_lab.mismatch.conclusion.explanation import Explanation
+from fidim_lab.mismatch.conclusion.parts import Before, HeldOutFigures
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed
@@ -20,4 +21,4 @@ def with_test(told: Explanation, campaign: Campaign, exact: Baseline, model: Com
         return told
     before, after = predict(exact.as_it_is, windows), predict(model, windows)
     rms = Before(millimetres(before.rms), millimetres(after.rms))
-    return replace(told, test=OpenedOnce(Before(before.chi2_per_dof, after.chi2_per_dof), rms))
+    return replace(told, test=HeldOutFigures(Before(before.chi2_per_dof, after.chi2_per_dof), rms))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.mismatch.conclusion.explanation import Ranked
+from fidim_lab.mismatch.conclusion.parts import Ranked
 from fidim_lab.mismatch.conclusion.why_lost import forms, names, why_lost, why_lost_early, why_not_fitted
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.scores.score import Score

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from fidim_lab.identification.markers.finding import DefectKind
 from fidim_lab.mismatch.cleaning.clean import Cleaned
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Reading, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Reading, Verdict
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.readings.errors import ReadingError, ReadingErrors
 from fidim_lab.mismatch.readings.kinds import CAMERA_DRIFT, CAMERA_STEP, CONSTANT, DRIFT, SAYS, SCATTER, STEP
 from fidim_lab.units import millimetres

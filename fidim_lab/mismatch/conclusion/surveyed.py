@@ -17,7 +17,8 @@ from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import encoders_say, furthest, told_geometry
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, Nuisance
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.units import millimetres

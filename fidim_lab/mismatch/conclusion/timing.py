@@ -13,7 +13,8 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from fidim_lab.data.records import Campaign
-from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.thresholds import SHARED

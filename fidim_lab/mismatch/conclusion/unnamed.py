@@ -4,8 +4,9 @@ from dataclasses import replace
 
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
-from fidim_lab.mismatch.conclusion.explanation import Before, BodyParameter, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.explanation import BodyParameter, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.message import body_parameters, law_terms
+from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.candidates import Candidate

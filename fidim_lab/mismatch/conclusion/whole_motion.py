@@ -13,18 +13,9 @@ from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
 from fidim_lab.identification.results.result import Geometry
-from fidim_lab.mismatch.conclusion.explanation import (
-    Before,
-    BodyParameter,
-    ClassMember,
-    EffectParameter,
-    Explanation,
-    NamedCause,
-    OpenedOnce,
-    Ranked,
-    Verdict,
-)
+from fidim_lab.mismatch.conclusion.explanation import BodyParameter, ClassMember, Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.message import next_experiment
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, Ranked
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
 from fidim_lab.mismatch.conclusion.why_lost import odds_against
 from fidim_lab.mismatch.thresholds import SHARED
@@ -174,7 +165,7 @@ def _why_lost(one: WholeModel, behind: float, outcome: SearchOutcome) -> str:
     return odds_against(behind, name, further=one.size > best.size)
 
 
-def _opened_once(outcome: SearchOutcome, campaign: Campaign) -> OpenedOnce | None:
+def _opened_once(outcome: SearchOutcome, campaign: Campaign) -> HeldOutFigures | None:
     """Figures of the windows of role `test`, without and with the terms; None without any."""
     common = outcome.base.common
     windows = common.prepared(campaign, Role.TEST, lambda _: None)
@@ -183,7 +174,7 @@ def _opened_once(outcome: SearchOutcome, campaign: Campaign) -> OpenedOnce | Non
     trial = ModelFits(common, windows)
     before, after = (replace(one, predict=trial.predicted) for one in (outcome.base, outcome.best))
     chi2 = Before(before.chi2_per_dof, after.chi2_per_dof)
-    return OpenedOnce(chi2, Before(millimetres(before.held_out), millimetres(after.held_out)))
+    return HeldOutFigures(chi2, Before(millimetres(before.held_out), millimetres(after.held_out)))
 
 
 def _message(outcome: SearchOutcome, effects: Sequence[NamedCause], geometry: Geometry | None, robot: Robot) -> str:

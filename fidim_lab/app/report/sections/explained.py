@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fidim_lab.app.formats.explanation_file import ExplanationTable, FamilyTable, UnknownTable
-from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectParameterTable, EffectTable
+from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.app.report.contents.proof import ProofOfCause
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.sections import proof_figures
@@ -12,6 +12,7 @@ from fidim_lab.app.report.sections.numerals import decimals, fixed, short
 from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.app.report.sections.words import explained_sentence
 from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter
 from fidim_lab.units import millimetres, percent, signed
 
 VERDICTS = {
@@ -75,7 +76,7 @@ def effect_table(effect: EffectTable) -> ReportTable:
     return _sizes_table(f"{effect.label}: {effect.says}{alike}", effect.parameters)
 
 
-def _sizes_table(caption: str, parameters: Mapping[str, EffectParameterTable]) -> ReportTable:
+def _sizes_table(caption: str, parameters: Mapping[str, EffectParameter]) -> ReportTable:
     rows = [
         (name, short(p.value), "at its limit" if p.sd is None else f"{p.sd:.2g}", p.unit)
         for name, p in parameters.items()
@@ -91,7 +92,7 @@ def figures_table(found: ExplanationTable) -> ReportTable:
     return ReportTable(caption, ("figure", "before", "after", "excess removed"), cells)
 
 
-def _gone(name: str, one: BeforeTable) -> str:
+def _gone(name: str, one: Before) -> str:
     """The share of χ²/dof above 1 that has gone."""
     if not name.startswith("χ²") or one.before is None or one.after is None or one.before <= 1.0:
         return "–"

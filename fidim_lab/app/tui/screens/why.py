@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
-from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectTable
+from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
 from fidim_lab.app.tui.result_files import ResultFiles, ShownExplanation
+from fidim_lab.mismatch.conclusion.parts import Before
 
 VERDICTS: dict[str, tuple[str, Style]] = {
     "nothing-missing": ("✓ nothing is missing", "good"),
@@ -46,7 +47,7 @@ def _before_after(found: ShownExplanation) -> list[Line]:
     ]
 
 
-def _pair(name: str, pair: BeforeTable) -> Line:
+def _pair(name: str, pair: Before) -> Line:
     better = pair.before is not None and pair.after is not None and pair.after < pair.before
     return line(f"{name:20}{_short(pair.before):>12}", Span(f"{_short(pair.after):>12}", "good" if better else ""))
 

@@ -20,14 +20,8 @@ from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.next_window import NextWindow
 from fidim_lab.identification.random_plan import Taste, random_plan
-from fidim_lab.mismatch.conclusion.explanation import (
-    Before,
-    BodyParameter,
-    EffectParameter,
-    Explanation,
-    NamedCause,
-    Verdict,
-)
+from fidim_lab.mismatch.conclusion.explanation import BodyParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter
 from fidim_lab.mismatch.next_experiment.proposal import Odds, Proposal, ProposedTrial
 from procedures.handlers import HANDLERS
 from procedures.outcomes import Outcome

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.formats.explanation_file import as_file, claims_of, read_explanation
-from fidim_lab.app.formats.explanation_parts import EffectParameterTable, EffectTable
+from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.app.report.contents.found_model import named_effect
 from fidim_lab.app.report.contents.proof import proof
 from fidim_lab.app.report.drawings import spectra
@@ -23,16 +23,14 @@ from fidim_lab.errors import FileError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.mismatch.conclusion.explanation import (
-    Before,
     BodyParameter,
-    EffectParameter,
     Explanation,
     MismatchPlace,
     NamedCause,
-    Ranked,
     Verdict,
     write_explanation,
 )
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, Ranked
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
@@ -294,7 +292,7 @@ def test_the_wrench_along_the_motion_is_drawn_as_it_was_stored(explanation, unkn
 def test_every_variant_of_every_effect_is_drawn_as_itself(irma4: Robot):
     robot = replace(irma4, extra_markers=(np.array([0.1, 0.0, 0.0]),))
     for effect in (one for one in catalogue(robot) if one.parameters):
-        told = {p.name: EffectParameterTable(value=0.0, unit=p.unit) for p in effect.parameters}
+        told = {p.name: EffectParameter(value=0.0, unit=p.unit) for p in effect.parameters}
         table = EffectTable(id=effect.id, cable=effect.cable, parameters=told, says=effect.says)
         drawn = named_effect(table, robot)
         assert type(drawn) is type(effect), table

@@ -17,8 +17,9 @@ from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
-from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
+from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world

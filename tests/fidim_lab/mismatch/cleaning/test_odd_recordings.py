@@ -15,8 +15,9 @@ from fidim_lab.mismatch.cleaning import residual_checks
 from fidim_lab.mismatch.cleaning.contacts import Contact, at_the_same_time
 from fidim_lab.mismatch.cleaning.restarts import parts_of
 from fidim_lab.mismatch.cleaning.segments import Segmented, fit_segments
-from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.message import body_parameters, figures_of
+from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.explain import explain

@@ -7,17 +7,8 @@ import pytest
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.mismatch.conclusion.answer import with_answer
-from fidim_lab.mismatch.conclusion.explanation import (
-    Before,
-    ClassMember,
-    EffectParameter,
-    Explanation,
-    LawTerm,
-    NamedCause,
-    OpenedOnce,
-    ShortAnswer,
-    Verdict,
-)
+from fidim_lab.mismatch.conclusion.explanation import ClassMember, Explanation, NamedCause, ShortAnswer, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, LawTerm
 
 DRY = {"c": EffectParameter(0.01, 2e-4, "N m")}
 SWIVEL = NamedCause("swivel-friction", None, (), DRY, "says", single=True)
@@ -87,10 +78,13 @@ def test_what_is_held_has_no_spread() -> None:
     ("test", "which"),
     [
         (None, "χ²/dof 41 → 1.02, 0.1 mm (held-out windows, which were also used to choose the model)."),
-        (OpenedOnce(Before(30.0, 1.1), Before(0.5, 0.2)), "χ²/dof 30 → 1.1, 0.2 mm (test windows, used only here)."),
+        (
+            HeldOutFigures(Before(30.0, 1.1), Before(0.5, 0.2)),
+            "χ²/dof 30 → 1.1, 0.2 mm (test windows, used only here).",
+        ),
     ],
 )
-def test_the_figure_says_of_which_windows_it_is(test: OpenedOnce | None, which: str) -> None:
+def test_the_figure_says_of_which_windows_it_is(test: HeldOutFigures | None, which: str) -> None:
     assert answer(replace(explanation(Verdict.EXPLAINED, SWIVEL), test=test)).verdict.endswith(which)
 
 

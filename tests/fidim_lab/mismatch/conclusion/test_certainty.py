@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from fidim_lab.mismatch.conclusion.certainty import only_certain
-from fidim_lab.mismatch.conclusion.explanation import Before, EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter
 
 
 def sure(id: str) -> NamedCause:

@@ -8,7 +8,8 @@ import pytest
 from fidim_lab.data.records import Campaign, Robot, Role
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.timing import OFFSET, RATE, retimed, timing, with_timing
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.model.mechanism import Mechanism

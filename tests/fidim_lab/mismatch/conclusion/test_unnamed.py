@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline

@@ -10,7 +10,8 @@ from fidim_lab.data.records import Campaign, Robot, Survey
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
+from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.whole_motion.common_part import rigid
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
