@@ -16,7 +16,7 @@ from time import process_time
 import numpy as np
 
 from benchmarks.page import table, write_section
-from benchmarks.surveyed import with_survey_errors
+from benchmarks.sealed.campaigns import with_survey_errors
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.random_plan import random_plan

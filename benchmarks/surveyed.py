@@ -16,16 +16,14 @@ from time import process_time
 import numpy as np
 
 from benchmarks.page import table, write_section
+from benchmarks.sealed.campaigns import ATTACHMENTS, with_survey_errors
+from benchmarks.sealed.seal import SURVEY_ERRORS
 from benchmarks.spoilt.worlds import swung
 from fidim_lab.app.workflows.identify import identify_posed
 from fidim_lab.app.workflows.pose_from import PosedCampaign
-from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Survey
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Survey
 from fidim_lab.errors import FidimError
 
-SMALLEST, LARGEST = 0.2e-3, 2e-3
-"""m, of a coordinate of an anchor: what surveys of cable robots are off by"""
-ATTACHMENTS = 0.5
-"""of the anchors': a caliper is better than a total station"""
 WORLDS = 20
 """that the files are perturbed of, with each seed"""
 HONEST = (0.7, 1.5)
@@ -41,22 +39,11 @@ class Row:
     """(9,) error over ±; nan where it is not given"""
 
 
-def with_survey_errors(robot: Robot, anchors: float, attachments: float, rng: np.random.Generator) -> Robot:
-    """The file of a robot whose anchors and attachments are off, each coordinate by a normal error of this sd (m)."""
-    moved = [replace(c, d=c.d + anchors * rng.standard_normal(3), a=c.a + _off(attachments, rng)) for c in robot.cables]
-    return replace(robot, cables=tuple(moved))
-
-
-def _off(size: float, rng: np.random.Generator) -> np.ndarray:
-    """Drawn only where there is something to draw, so that older seeds keep their robots."""
-    return size * rng.standard_normal(3) if size else np.zeros(3)
-
-
 def campaign(number: int, seed: int) -> tuple[Campaign, np.ndarray, bool]:
     """The campaign with the wrong file, the true parameters, and whether the file states its survey."""
     rng = np.random.default_rng([seed, number, 5])
     known = swung(seed, number % WORLDS, one_marker=False)
-    scale = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
+    scale = float(np.exp(rng.uniform(*np.log(SURVEY_ERRORS))))
     robot, stated = known.campaign.robot, number % 2 == 0
     wrong = with_survey_errors(robot, scale, ATTACHMENTS * scale, rng)
     survey = Survey.alike(robot.n, scale, ATTACHMENTS * scale) if stated else None

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.app.compose.simulated import simulated_world
-from fidim_lab.data.records import Campaign, Plan, Robot
+from fidim_lab.arrays import Vector3
+from fidim_lab.data.records import Campaign, Plan, Robot, Survey
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.mujoco_world.forces import SUPPORTED
@@ -22,6 +23,8 @@ from sim_backends.simulate import (
 )
 
 NATIVE, MUJOCO = "native", "mujoco"
+ATTACHMENTS = 0.5
+"""of the survey error of an anchor, that of an attachment: a caliper is better than a total station"""
 MILDER = 4
 """times that a window in which a cable went slack is recorded again, displaced less"""
 
@@ -42,6 +45,19 @@ class SealedRecipe:
     lengths: bool
     """whether the encoders are recorded"""
     seed: int
+    survey: float = 0.0
+    """m: how far the file that goes with the recordings is off the robot, one sd of a coordinate of an anchor"""
+
+
+def with_survey_errors(robot: Robot, anchors: float, attachments: float, rng: np.random.Generator) -> Robot:
+    """The file of a robot whose anchors and attachments are off, each coordinate by a normal error of this sd (m)."""
+    moved = [replace(c, d=c.d + anchors * rng.standard_normal(3), a=c.a + _off(attachments, rng)) for c in robot.cables]
+    return replace(robot, cables=tuple(moved))
+
+
+def _off(size: float, rng: np.random.Generator) -> Vector3:
+    """Drawn only where there is something to draw, so that older seeds keep their robots."""
+    return size * rng.standard_normal(3) if size else np.zeros(3)
 
 
 def can_hide(backend: str, ids: tuple[str, ...]) -> bool:
@@ -60,9 +76,19 @@ def sealed_campaign(recipe: SealedRecipe, *, noise: float = 1.0) -> tuple[Campai
     for _ in range(MILDER):
         campaign, truth, slack = _recorded(recipe, plan, platform, noise)
         if not slack:
-            return campaign, truth | {"backend": recipe.backend, "seed": recipe.seed}
+            rng = np.random.default_rng([recipe.seed, 2])
+            told = with_survey_errors(recipe.robot, recipe.survey, ATTACHMENTS * recipe.survey, rng)
+            how = {"backend": recipe.backend, "seed": recipe.seed, "survey_mm": 1e3 * recipe.survey}
+            return replace(campaign, robot=told), truth | how
         plan = displaced_less(plan, slack)
     raise InfeasibleError(f"{recipe.name}: a cable goes slack however little the platform is displaced.")
+
+
+def quiet_campaign(recipe: SealedRecipe, noise: float) -> Campaign:
+    """The same with so much of its noise and the true robot, whose file says how well such a survey knows it."""
+    campaign, _ = sealed_campaign(replace(recipe, survey=0.0), noise=noise)
+    known = Survey.alike(recipe.robot.n, recipe.survey, ATTACHMENTS * recipe.survey) if recipe.survey else None
+    return replace(campaign, robot=replace(campaign.robot, survey=known))
 
 
 def _recorded(

@@ -68,10 +68,10 @@ class Case:
     effects: tuple[Hidden, ...]
 
 
-def case_of(seed: int, number: int, mass: float, cables: int) -> Case:
-    """What campaign `number` (from 1) hides in a robot of this mass (kg) and number of cables."""
+def case_of(seed: int, number: int, mass: float, cables: int, kind: SecretKind | None = None) -> Case:
+    """What campaign `number` (from 1) hides in a robot of this mass (kg) and number of cables; kind: of all, if given."""
     rng = np.random.default_rng([seed, number, 10])
-    kind, ids = _dealt(seed, number)
+    kind, ids = _dealt(seed, number, kind)
     return Case(kind, tuple(_sized(id, rng, mass, cables) for id in ids))
 
 
@@ -94,12 +94,12 @@ def case_with(id: str, seed: int, number: int, mass: float, cables: int) -> Case
     return Case(SecretKind.ONE, (_sized(id, rng, mass, cables),))
 
 
-def _dealt(seed: int, number: int) -> tuple[SecretKind, tuple[str, ...]]:
+def _dealt(seed: int, number: int, only: SecretKind | None) -> tuple[SecretKind, tuple[str, ...]]:
     """The kind and ids of one campaign, from the deck in which it lies: every id comes equally often."""
     block, place = divmod(number - 1, sum(DECK.values()))
     rng = np.random.default_rng([seed, block, 11])
     kinds = [kind for kind, count in DECK.items() for _ in range(count)]
-    kinds = [kinds[k] for k in rng.permutation(len(kinds))]
+    kinds = [only or kinds[k] for k in rng.permutation(len(kinds))]
     effects, outside = _Pile(EFFECTS, rng), _Pile(OUTSIDE, rng)
     ids: tuple[str, ...] = ()
     for kind in kinds[: place + 1]:

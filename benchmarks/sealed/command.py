@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.markdown import Markdown
 
-from benchmarks.sealed.campaigns import SealedRecipe, sealed_campaign
-from benchmarks.sealed.cases import lacking
+from benchmarks.sealed.campaigns import SealedRecipe, quiet_campaign
+from benchmarks.sealed.cases import SecretKind, lacking
 from benchmarks.sealed.child import ChildOutcome, ChildTask, in_child
 from benchmarks.sealed.folder import (
     BenchmarkFolder,
@@ -54,6 +54,10 @@ class BenchmarkOptions:
     page: Path | None
     without: str = ""
     """an effect that every campaign hides and the catalogue lacks, or a key of `cases.TURNS`"""
+    kind: str | None = None
+    """name of a `SecretKind` in small letters, of all campaigns; None: what the deck deals"""
+    surveyed: bool = False
+    """whether every robot file is off by survey errors"""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -64,8 +68,10 @@ class BenchmarkOptions:
     def tasks(self) -> list[SealTask]:
         """What to make."""
         windows = (self.equilibria, self.validation)
+        kind = None if self.kind is None else SecretKind[self.kind.upper()]
         return [
-            SealTask(self.out, self.seed, number, windows, lacking(self.without, number)) for number in self.numbers
+            SealTask(self.out, self.seed, number, windows, lacking(self.without, number), kind, self.surveyed)
+            for number in self.numbers
         ]
 
     @property
@@ -73,6 +79,7 @@ class BenchmarkOptions:
         """As it is typed, without what changes nothing of the result."""
         which = "".join(f" --only {n}" for n in self.only) or f" --campaigns {self.campaigns}"
         which += f" --without {self.without}" if self.without else ""
+        which += (f" --kind {self.kind}" if self.kind else "") + " --surveyed" * self.surveyed
         return (
             f"fidim benchmark explain{which} --seed {self.seed} --equilibria {self.equilibria} "
             f"--validate {self.validation} --cap {self.cap:g}"
@@ -145,7 +152,7 @@ def measure(task: SealTask, cap: float) -> str:
 
 def _loud(recipe: SealedRecipe, cap: float) -> ChildOutcome:
     try:
-        quiet, _ = sealed_campaign(recipe, noise=QUIET)
+        quiet = quiet_campaign(recipe, QUIET)
     except FidimError as error:
         return ChildOutcome(None, str(error), 0.0, 0.0)
     return in_child(ChildTask.LOUDNESS, quiet, cap)

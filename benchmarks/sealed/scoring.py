@@ -53,6 +53,39 @@ def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | Non
     return Marked.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Marked.WRONG
 
 
+def grade_surveyed(explanation: dict[str, Any] | None, label: list[str], cable: int | None) -> Marked:
+    """Judge an explanation of recordings that came with a robot file which is off by survey errors, as `grade` does.
+
+    class, too: pieces of the geometry, which is off in all of them, stand beside the right names, none of them as the
+    only name for it; what is hidden of the geometry is told by such pieces, or by no name, as clearly off.
+    """
+    judged = grade(explanation, label, cable)
+    if judged.good or explanation is None:
+        return judged
+    pieces = [one for one in explanation.get("effects", []) if one["id"] in SHARED[GEOMETRY] and not one["single"]]
+    others = [one for one in explanation.get("effects", []) if one not in pieces]
+    moved, rest = (set(label) & set(SHARED[GEOMETRY]), [id for id in label if id not in SHARED[GEOMETRY]])
+    if not all(pieces or _told_off(explanation, id, cable) for id in moved):
+        return Marked.WRONG
+    if rest:
+        right = grade({**explanation, "effects": others}, rest, None if moved else cable).good
+    else:
+        right = not others and bool(pieces or moved)
+    return Marked.CLASS if right else Marked.WRONG
+
+
+def sure(explanation: dict[str, Any] | None, label: list[str]) -> bool:
+    """Whether something that was not hidden has the only name (odds over 20)."""
+    return any(one["id"] not in label for one in (explanation or {}).get("effects", []) if one.get("single"))
+
+
+def covers(explanation: dict[str, Any] | None, label: list[str]) -> bool | None:
+    """Whether all that is hidden stands among the names and what is not told from them; None where nothing is named."""
+    effects = (explanation or {}).get("effects", [])
+    told = {id for one in effects for id in (one["id"], *one["equivalent_to"], *one.get("further_equivalent", ()))}
+    return set(label) <= told if effects else None
+
+
 CLEARLY = 5.0
 """standard deviations by which a place must be told off"""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.sealed.campaigns import MUJOCO, NATIVE, SealedRecipe, can_hide, sealed_campaign
-from benchmarks.sealed.cases import Case, case_of, case_with
+from benchmarks.sealed.cases import Case, SecretKind, case_of, case_with
 from benchmarks.sealed.folder import BenchmarkFolder, Json, write_json
 from benchmarks.sealed.robots import random_setup
 from fidim_lab.data.campaign import INDEX, write_campaign
@@ -23,6 +23,10 @@ MUJOCO_SHARE = 0.25
 MUJOCO_NOISE = 4e-4
 """m: at least so much marker noise in MuJoCo, whose own error (soft constraints: 0.01–0.08 mm rms after 10 s) `explain`
 would rightly find in less"""
+SURVEY_SHARE = 1 / 3
+"""of the other campaigns, in which the robot file is off"""
+SURVEY_ERRORS = 0.2e-3, 2e-3
+"""m, of a coordinate of an anchor: what surveys of cable robots are off by"""
 ROBOTS = 12
 """drawn for one campaign until one can swing"""
 
@@ -37,6 +41,10 @@ class SealTask:
     windows: tuple[int, int]
     without: str = ""
     """the effect that every campaign hides, because the catalogue is to lack it; empty: what the deck deals"""
+    kind: SecretKind | None = None
+    """of every campaign; None: what the deck deals"""
+    surveyed: bool = False
+    """whether every robot file is off; otherwise some are"""
 
     @property
     def name(self) -> str:
@@ -72,7 +80,7 @@ def recipes(task: SealTask) -> Iterator[tuple[SealedRecipe, Case]]:
     for attempt in range(ROBOTS):
         rng = np.random.default_rng([task.seed, task.number, 12, attempt])
         setup = random_setup(paper, rng)
-        dealt = partial(case_with, task.without) if task.without else case_of
+        dealt = partial(case_with, task.without) if task.without else partial(case_of, kind=task.kind)
         case = dealt(task.seed, task.number, setup.robot.mass, setup.robot.n)
         recipe = SealedRecipe(
             name=task.name,
@@ -84,9 +92,12 @@ def recipes(task: SealTask) -> Iterator[tuple[SealedRecipe, Case]]:
             lengths=setup.lengths,
             seed=int(rng.integers(2**31)),
         )
-        if rng.random() < MUJOCO_SHARE and can_hide(MUJOCO, tuple(effect.id for effect in case.effects)):
+        in_mujoco = rng.random() < MUJOCO_SHARE and can_hide(MUJOCO, tuple(effect.id for effect in case.effects))
+        off = task.surveyed or (rng.random() < SURVEY_SHARE and not task.without)
+        size = float(np.exp(rng.uniform(*np.log(SURVEY_ERRORS))))
+        if in_mujoco and not task.surveyed:
             yield replace(recipe, robot=_in_mujoco(setup.robot), backend=MUJOCO), case
-        yield recipe, case
+        yield replace(recipe, survey=size if off else 0.0), case
 
 
 def _in_mujoco(robot: Robot) -> Robot:

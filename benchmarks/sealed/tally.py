@@ -9,12 +9,13 @@ import numpy as np
 
 from benchmarks.sealed.cases import SecretKind
 from benchmarks.sealed.folder import Json
-from benchmarks.sealed.scoring import Marked, grade, grade_without, named
+from benchmarks.sealed.scoring import Marked, covers, grade, grade_surveyed, grade_without, named, sure
 from benchmarks.sealed.statistics import DetectionLimit, Share, detection_limit
 from fidim_lab.data.records import PARAMETER_NAMES
 
 BANDS = (("≥ 1000", 1000.0, np.inf), ("100 – 1000", 100.0, 1000.0), ("< 100", 0.0, 100.0))
 """of the expected excess of χ²"""
+WITH_EFFECTS = (SecretKind.ONE, SecretKind.TWO, SecretKind.THREE)
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,17 @@ class ScoredCampaign:
     cpu: float
     """s"""
     backend: str
+    survey_mm: float = 0.0
+    """how far the robot file is off, one sd of a coordinate of an anchor"""
+    sure: bool = False
+    """whether something that was not hidden has the only name"""
+    covered: bool | None = None
+    """whether all that is hidden stands among what is named and what is not told from it; None: nothing is named"""
+
+    @property
+    def world(self) -> str:
+        """Where it was recorded."""
+        return f"{self.backend}, robot file off" if self.survey_mm else self.backend
 
     @property
     def band(self) -> str:
@@ -69,6 +81,11 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: 
     label, cable = case["label"], case.get("cable")
     held = {} if explanation is None else explanation.get("held_out", {}).get("chi2_per_dof", {})
     effects = [] if explanation is None else explanation["effects"]
+    survey_mm = truth.get("survey_mm", 0.0)
+    if without:
+        grade_of = grade_without(explanation, label[0], cable)
+    else:
+        grade_of = (grade_surveyed if survey_mm else grade)(explanation, label, cable)
     return ScoredCampaign(
         name=name,
         kind=SecretKind(truth["kind"]),
@@ -77,7 +94,7 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: 
         cable=cable,
         named=named(explanation),
         named_ids=tuple(effect["id"] for effect in effects),
-        grade=grade_without(explanation, label[0], cable) if without else grade(explanation, label, cable),
+        grade=grade_of,
         why=answer["why"],
         chi2_excess=None if measured is None else measured["chi2_excess"],
         faintest=_faintest(loud),
@@ -86,6 +103,9 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: 
         errors=None if explanation is None else _errors(explanation, [*truth["s"], *truth["I"]]),
         cpu=answer["cpu"],
         backend=truth["backend"],
+        survey_mm=survey_mm,
+        sure=sure(explanation, label),
+        covered=covers(explanation, label),
     )
 
 
@@ -120,6 +140,17 @@ class Tally:
         return Share(sum(not c.grade.good for c in nulls), len(nulls))
 
     @property
+    def wrong_and_sure(self) -> Share:
+        """Campaigns in which something that was not hidden has the only name."""
+        return Share(sum(c.sure for c in self.campaigns), len(self.campaigns))
+
+    @property
+    def covered(self) -> Share:
+        """Of those with hidden effects of the catalogue, some of them named: all hidden ones stand in what is told."""
+        told = self.of(lambda c: c.covered is not None and c.kind in WITH_EFFECTS)
+        return Share(sum(bool(c.covered) for c in told), len(told))
+
+    @property
     def outside(self) -> Share:
         """Flagged as unknown, of those whose secret is outside the catalogue."""
         return self.share(lambda c: c.kind is SecretKind.OUTSIDE)
@@ -141,9 +172,7 @@ class Tally:
 
     def in_band(self, band: str) -> tuple[ScoredCampaign, ...]:
         """Campaigns with something hidden from the catalogue, in one band of loudness."""
-        return self.of(
-            lambda c: c.band == band and c.kind in (SecretKind.ONE, SecretKind.TWO, SecretKind.THREE, SecretKind.FAULT)
-        )
+        return self.of(lambda c: c.band == band and c.kind in (*WITH_EFFECTS, SecretKind.FAULT))
 
     def outside_in(self, band: str) -> tuple[ScoredCampaign, ...]:
         """Campaigns with something hidden that is outside the catalogue, in one band of loudness."""
@@ -192,6 +221,8 @@ class Tally:
             "grades": dict(Counter(c.grade.value for c in self.campaigns)),
             "bands": {name: dict(Counter(c.grade.value for c in self.in_band(name))) for name in BAND_NAMES},
             "false_alarms": {"alarms": alarms.good, "nulls": alarms.all, "interval": alarms.interval},
+            "wrong_and_sure": self.wrong_and_sure.good,
+            "covered": {"all": self.covered.good, "campaigns": self.covered.all, "interval": self.covered.interval},
             "outside": {
                 "flagged": outside.good,
                 "campaigns": outside.all,
@@ -235,4 +266,6 @@ def _campaign(c: ScoredCampaign) -> Json:
         "parameter_errors_sd": c.errors,
         "cpu_seconds": c.cpu,
         "backend": c.backend,
+        "survey_mm": c.survey_mm,
+        "sure": c.sure,
     }

@@ -297,6 +297,13 @@ def benchmark(context: click.Context) -> None:
     help="Hide this effect in each campaign and take it out of the catalogue; 'each': every effect in turn; "
     "'unlisted': in turn every simulated force that no catalogue has.",
 )
+@click.option(
+    "--kind",
+    type=click.Choice(["nothing", "one", "two", "three", "outside", "fault"]),
+    help="What every campaign hides: so many effects, something outside the catalogue, a sensor fault. "
+    "Default: some of each.",
+)
+@click.option("--surveyed", is_flag=True, help="All robot files are off by survey errors. Default: some are.")
 @click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result as JSON.")
 @click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a documentation page.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
@@ -305,6 +312,8 @@ def benchmark_explain(**options: Any) -> None:
     from benchmarks.sealed.cases import TURNS
     from benchmarks.sealed.command import BenchmarkOptions, benchmark_command
 
+    if options["without"]:
+        not_with("--without", "kind")
     _scored((options["without"],) if options["without"] not in ("", *TURNS) else ())
     sys.exit(benchmark_command(BenchmarkOptions(**options)))
 

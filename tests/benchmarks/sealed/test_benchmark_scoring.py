@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.sealed.scoring import Marked, grade, grade_without, named
+from benchmarks.sealed.scoring import Marked, covers, grade, grade_surveyed, grade_without, named, sure
 
 JUDGES = Path(__file__).parents[4] / "shared" / "tools" / "score.py"
 
 
 def effect(id: str, cable: int | None = None, alike: tuple[str, ...] = ()) -> dict:
-    return {"id": id, "cable": cable, "equivalent_to": list(alike)}
+    return {"id": id, "cable": cable, "equivalent_to": list(alike), "single": False}
 
 
 def said(verdict: str, *effects: dict) -> dict:
@@ -118,3 +118,38 @@ def test_the_judges_script_says_the_same():
         explanation = said(verdict, *effects)
         theirs = score(explanation, {"case": {"label": label, "cable": cable}})
         assert grade(explanation, label, cable).value == theirs, (explanation, label, cable)
+
+
+TORSION, ANCHOR = effect("cable-torsion"), effect("anchor-offset", 3)
+
+
+@pytest.mark.parametrize(
+    ("explanation", "label", "cable", "expected"),
+    [
+        (said("nothing-missing"), [], None, Marked.RIGHT),
+        (said("explained", {**ANCHOR, "single": False}), [], None, Marked.CLASS),  # it is off
+        (said("explained", {**ANCHOR, "single": True}), [], None, Marked.WRONG),  # but not alone
+        (said("explained", {**DRAG, "single": False}), [], None, Marked.WRONG),
+        (said("explained", DRAG, {**ANCHOR, "single": False}), ["air-drag-linear"], None, Marked.CLASS),
+        (said("explained", DRAG, {**ANCHOR, "single": True}), ["air-drag-linear"], None, Marked.WRONG),
+        (said("explained", DRAG), ["air-drag-linear", "anchor-offset"], 3, Marked.WRONG),
+        (said("unknown-physics"), ["unknown"], None, Marked.RIGHT),
+        (None, [], None, Marked.WRONG),
+    ],
+)
+def test_where_the_robot_file_is_off_its_geometry_may_be_named_beside(explanation, label, cable, expected):
+    assert grade_surveyed(explanation, label, cable) is expected
+
+
+def test_a_single_name_for_what_was_not_hidden_is_sure():
+    assert sure(said("explained", {**DRAG, "single": True}), ["umbilical"])
+    assert not sure(said("explained", {**DRAG, "single": True}), ["air-drag-linear"])
+    assert not sure(said("explained", {**DRAG, "single": False}), ["umbilical"])
+    assert not sure(None, [])
+
+
+def test_what_is_not_told_apart_covers_what_is_hidden():
+    told = said("explained", {**DRAG, "equivalent_to": ["a", "b", "c"], "further_equivalent": ["umbilical"]})
+    assert covers(told, ["umbilical"])
+    assert not covers(told, ["loose-mass"])
+    assert covers(said("nothing-missing"), ["umbilical"]) is None

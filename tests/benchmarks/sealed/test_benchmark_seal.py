@@ -1,15 +1,17 @@
 """Recipes of sealed campaigns: the same from seed and number, in MuJoCo only where it has the effects; loudness."""
 
 import pickle
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.sealed.campaigns import MUJOCO, NATIVE
+from benchmarks.sealed.campaigns import MUJOCO, NATIVE, quiet_campaign, sealed_campaign
+from benchmarks.sealed.cases import SecretKind
 from benchmarks.sealed.child import ChildOutcome, ChildTask, in_child
-from benchmarks.sealed.seal import MUJOCO_NOISE, MUJOCO_SHARE, SealTask, recipe_of, recipes
+from benchmarks.sealed.seal import MUJOCO_NOISE, MUJOCO_SHARE, SURVEY_ERRORS, SealTask, recipe_of, recipes
 from fidim_lab.data.robot_file import read_robot, write_robot
 from sim_backends.mujoco_world.forces import SUPPORTED
 
@@ -52,6 +54,29 @@ def test_mujoco_takes_its_share_of_what_it_can_hide_and_the_native_world_follows
     assert 0 < in_mujoco < 2.5 * MUJOCO_SHARE * possible
 
 
+def test_a_part_of_the_robot_files_is_off_in_the_native_world_and_all_where_asked(tmp_path):
+    first = [next(recipes(task))[0] for task in TASKS]
+    assert 0 < sum(recipe.survey > 0 for recipe in first) < len(first) / 2
+    assert all(recipe.backend == NATIVE for recipe in first if recipe.survey)
+    for task in TASKS[:5]:
+        recipe, _ = next(recipes(replace(task, surveyed=True, kind=SecretKind.NOTHING)))
+        assert not recipe.hide
+        assert SURVEY_ERRORS[0] <= recipe.survey <= SURVEY_ERRORS[1]
+
+
+def test_the_recordings_are_of_the_true_robot_and_loudness_is_judged_against_its_survey():
+    recipe, _ = next(recipes(replace(TASKS[0], surveyed=True, kind=SecretKind.NOTHING, windows=(1, 0))))
+    campaign, truth = sealed_campaign(recipe)
+    exact, _ = sealed_campaign(replace(recipe, survey=0.0))
+    assert np.array_equal(campaign.windows[0].markers, exact.windows[0].markers)
+    off = np.array([wrong.d - true.d for wrong, true in zip(campaign.robot.cables, exact.robot.cables, strict=True)])
+    assert 0.2 * recipe.survey < off.std() < 3 * recipe.survey
+    assert truth["survey_mm"] == pytest.approx(1e3 * recipe.survey)
+    quiet = quiet_campaign(recipe, 0.1).robot
+    assert np.array_equal(quiet.cables[0].d, exact.robot.cables[0].d)
+    assert np.allclose(quiet.survey.anchor, recipe.survey)
+
+
 def test_what_goes_to_a_cluster_can_travel(tiny):
     action = pickle.loads(pickle.dumps(partial(in_child, ChildTask.EXPLAIN, cap=60.0)))
     assert action.keywords == {"cap": 60.0}
@@ -64,9 +89,6 @@ def test_what_goes_to_a_cluster_can_travel(tiny):
 @pytest.mark.slow
 def test_a_louder_secret_is_louder_and_nothing_is_silent(irma4_file):
     """χ² excess grows with the square of a faint effect; without one it is nought."""
-    from dataclasses import replace
-
-    from benchmarks.sealed.campaigns import sealed_campaign
     from benchmarks.sealed.loudness import QUIET, loudness
 
     base = next(recipe for recipe, case in recipes(TASKS[0]) if recipe.backend == NATIVE)

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import survey_errors
+from benchmarks.sealed.campaigns import NATIVE, SealedRecipe, sealed_campaign
 from fidim_lab.data.records import Robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.conclusion.explanation import Verdict
@@ -147,6 +148,8 @@ def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: R
 @pytest.mark.slow
 def test_an_effect_beside_a_wrong_geometry_is_no_fault_of_the_readings() -> None:
     """Without the geometry open, a scatter of lengths says far more than heavy cables; beside it, less."""
-    found = explain(survey_errors.campaign(305, "cable-mass")[0])
+    robot = read_robot(PAPERS_ROBOT)
+    recipe = SealedRecipe("heavy", robot, ("cable-mass:rho=0.05",), NATIVE, (6, 3), 100.0, True, 305, survey=9e-4)
+    found = explain(sealed_campaign(recipe)[0])
     assert [one.id for one in found.effects] == ["cable-mass"], found.message
     assert not found.readings
