@@ -165,6 +165,7 @@ EFFECTS: Mapping[str, Size] = {
     "marker-offset": Size(3e-4, 8e-3, "m", _vector("d")),
     "marker-stalk": Size(5e-6, 6e-4, "s² (1/(2π f)²)", _stalk),
     "frame-misalignment": Size(5e-4, 0.01, "rad", _misaligned),
+    "capture-scale": Size(2e-4, 5e-3, "1", _signed("scale")),
     "clock-rate": Size(3e-5, 3e-3, "1", _signed("rate")),
     "time-offset": Size(1e-3, 0.03, "s", _signed("offset")),
     "periodic-force": Size(3e-3, 1.0, "N", _oscillating, with_mass=True),

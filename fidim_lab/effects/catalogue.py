@@ -27,6 +27,7 @@ from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
 from fidim_lab.effects.geometry.attachment_offset import AttachmentOffset
 from fidim_lab.effects.geometry.cable_creep import CableCreep
 from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
+from fidim_lab.effects.geometry.capture_scale import CaptureScale
 from fidim_lab.effects.geometry.clock import ClockRate, TimeOffset
 from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
@@ -100,6 +101,7 @@ _MAKERS: tuple[Maker, ...] = (
     _markers,
     _stalks,
     _once(FrameMisalignment),
+    _once(CaptureScale),
     _once(ClockRate),
     _once(TimeOffset),
     _once(PeriodicForce, PeriodicForceOwnPhase),

@@ -98,6 +98,13 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "measure one anchor in the motion capture's frame",
     ),
     Equivalence(
+        ("anchor-offset", "capture-scale"),
+        Likeness.NEAR,
+        "all anchors, attachments and lengths a thousandth farther out are motion capture that measures a thousandth too "
+        "short; only gravity, which sets the pace, does not grow with them",
+        "measure the distance of two markers on a bar of known length",
+    ),
+    Equivalence(
         ("anchor-offset", "cable-length-bias"),
         Likeness.NEAR,
         "an anchor that moves along its cable is a longer cable",
@@ -171,6 +178,7 @@ SHARED: Mapping[str, tuple[str, ...]] = {
         "cable-length-bias",
         "marker-offset",
         "frame-misalignment",
+        "capture-scale",
         "gravity-tilt",
     ),
     "a marker that is not where the robot file says": ("marker-offset", "marker-stalk"),

@@ -146,6 +146,6 @@ FORCES: Mapping[str, Callable[[Moment, HiddenEffect], Load]] = {
 }
 GEOMETRY = ("anchor-offset", "attachment-offset", "pulley-radius", "cable-length-bias", "gravity-tilt", "marker-offset")
 """enter through the true geometry and lengths"""
-MEASUREMENT = ("frame-misalignment", "clock-rate", "time-offset", "sensor-fault", *SESSION)
+MEASUREMENT = ("frame-misalignment", "capture-scale", "clock-rate", "time-offset", "sensor-fault", *SESSION)
 """enter through cameras and encoders"""
 SUPPORTED = (*FORCES, *GEOMETRY, *MEASUREMENT)

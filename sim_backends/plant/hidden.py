@@ -142,6 +142,7 @@ CATALOGUE: Mapping[str, HiddenKind] = {
     "frame-misalignment": HiddenKind(
         {**_ABOUT, **xyz("d", (0.002, -0.002, 0.001), "m", "shift of the measured points")}
     ),
+    "capture-scale": HiddenKind({"scale": Key(2e-3, "1", "motion capture measures too long by this ratio")}),
     "clock-rate": HiddenKind({"rate": Key(1e-3, "1", "the cameras' clock runs faster by this ratio")}),
     "time-offset": HiddenKind({"offset": Key(0.01, "s", "the cameras see the platform later than their stamp says")}),
     "periodic-force": HiddenKind(

@@ -58,6 +58,7 @@ class Cameras:
         self._noise, self._since = noise, since
         self._rng, self._fault_rng = rng.spawn(2)
         self._rotation, self._shift = np.eye(3), np.zeros(3)
+        self._scale = float(np.prod([1.0 + effect["scale"] for effect in world.effects("capture-scale")]))
         for effect in world.effects("frame-misalignment"):
             self._rotation = rotation(effect.vector("rx", "ry", "rz")) @ self._rotation
             self._shift += effect.vector("dx", "dy", "dz")
@@ -74,7 +75,7 @@ class Cameras:
 
     def place(self, markers: np.ndarray) -> np.ndarray:
         """True positions (…, 3) as ideal cameras would report them: in the frame of the motion capture."""
-        return markers @ self._rotation.T + self._shift
+        return markers @ self._rotation.T * self._scale + self._shift
 
     def see(self, stamp: float, markers: np.ndarray) -> np.ndarray:
         """One frame: true positions (M, 3) → measured (M, 3), m, with noise and whatever is wrong with the sensor."""

@@ -17,6 +17,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.refusals import together
 from fidim_lab.identification.mle import spread
+from fidim_lab.identification.markers.noise_shape import noise_shape
 from fidim_lab.identification.mle.judge import Remainder, noise_alone, remainder
 from fidim_lab.identification.mle.starts import springs
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
@@ -275,6 +276,7 @@ def likelihood_of(
         sensors.marker_noise,
         sensors.encoder_resolution,
         spring_prior(mechanism, shared, states, recordings),
+        noise_shape([(recording.t, recording.markers) for recording in recordings], sensors.marker_noise),
     )
 
 

@@ -52,7 +52,7 @@ def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remaind
     use, seen = recording.seen_until(simulation.ends[w])
     found = simulation.residuals[w]
     left = np.full(seen.shape, np.nan)
-    left[seen] = -found.markers * likelihood.noise
+    left[seen] = -likelihood.coloured(found.markers, seen)
     t = recording.window.t[0] + recording.begin + recording.t[use]
     count = len(found.markers) + len(found.lengths)
     return Remainder(
@@ -61,7 +61,7 @@ def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remaind
         predicted=recording.markers[use] - left,
         chi2=float(found.markers @ found.markers + found.lengths @ found.lengths),
         dof=max(1, count - likelihood.own),
-        rms=float(np.sqrt(np.mean(found.markers**2))) * likelihood.noise,
+        rms=float(np.sqrt(np.mean(left[seen] ** 2))),
         whiteness=_whiteness(t, left),
         noise=_noise(t, left),
     )

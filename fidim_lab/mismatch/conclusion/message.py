@@ -24,6 +24,7 @@ from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
 
+REST = "Record 10 s of the platform at rest: what the markers do then are errors of motion capture, slow and fast ones."
 MOST_PLACES = 5
 """with structure, that are listed"""
 
@@ -32,6 +33,7 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
     """Everything that is answered."""
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
     terms = range(len(named.model.tried))
+    slow = verdict is Verdict.UNKNOWN_PHYSICS and slower_than_frames(found)
     doubtful = general_geometry_may_be_it(found) or any(named.model.size_in_sd(k) < SHARED.certain for k in terms)
     effects = tuple(_cause(found, named.model, k, doubtful) for k in terms)
     return Explanation(
@@ -44,7 +46,7 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
         ranking=ranking(found, named, baseline.context),
         parameters=body_parameters(named.model.fit, baseline.campaign),
         parameters_before=body_parameters(baseline.fit, baseline.campaign),
-        next_experiment=next_experiment(verdict, effects),
+        next_experiment=REST if slow else next_experiment(verdict, effects, found.best.whiteness.vibration),
         message=_message(judged, found, effects, _limits(baseline, found)),
         seconds=seconds,
         untested=untested,
@@ -96,13 +98,21 @@ def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
     }
 
 
-def next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | None:
-    """The experiment that separates a named effect from a rival; None where nothing is in question."""
+def next_experiment(verdict: Verdict, effects: Sequence[NamedCause], vibration: float | None = None) -> str | None:
+    """The experiment that separates a named effect from a rival; None where nothing is in question.
+
+    vibration: Hz, of a line in what is left that is faster than the platform swings.
+    """
     for cause in effects:
         for other in cause.equivalent_to:
             for known in EQUIVALENCES:
                 if cause.id in known.ids and other in known.ids:
                     return f"To tell {cause.id} from {other}: {known.separate}."
+    if vibration is not None:
+        return (
+            f"Find what vibrates at {vibration:.3g} Hz: cameras, frame, drives or a fan (an accelerometer on each tells), "
+            "or cables that ring as springs."
+        )
     if verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return "Repeat one window at the same place with half the displacement: this separates force from geometry."
     return None
@@ -150,13 +160,30 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
         case _:
             best = found.best
             said = f"Something is missing that no effect tested here explains; {_left(found.baseline)}. "
-            said += f"{found.baseline.whiteness.says} {_best_of_no_use(found)}"
+            said += f"{found.baseline.whiteness.says} {_slow_noise(found)}{_best_of_no_use(found)}"
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {_left(best)}."
                 said += _law_without_a_name(law_terms(best.model))
             if judged.outdone_by is not None:
                 said += f" {_outdone(judged.outdone_by, found)}"
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
+
+
+def slower_than_frames(found: Selection) -> bool:
+    """Whether no more than the stated noise is left, most of it slower than noise from frame to frame."""
+    before = found.baseline
+    left = before.held_out.chi2_per_dof if before.held_out.dof else before.model.fit.chi2_per_dof
+    return left <= SHARED.little and before.whiteness.level**2 < SHARED.half
+
+
+def _slow_noise(found: Selection) -> str:
+    if not slower_than_frames(found):
+        return ""
+    frames = 1e3 * found.baseline.whiteness.level * found.best.model.mechanism.robot.sensors.marker_noise
+    return (
+        f"That is within the stated noise, but from frame to frame the markers scatter by {frames:.2g} mm only: the rest "
+        "is slower. Motion capture may err so by itself. "
+    )
 
 
 def _outdone(rival: UnknownForce, found: Selection) -> str:

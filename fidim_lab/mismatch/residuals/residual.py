@@ -40,6 +40,8 @@ class Leftover:
     """(T, n) as predicted, N"""
     swivel_rates: CableSeries | None = None
     """(T, n), rad/s"""
+    shape: Float[np.ndarray, "M 3 3"] | None = None
+    """by which the noise of each marker becomes even; None where it is"""
     directions: Float[np.ndarray, "T M 3 own"] | None = None
     """derivatives by the window's own unknowns: with them `whiteness` is exact, without it is conservative"""
 
@@ -54,9 +56,11 @@ class Leftover:
         return int(np.isfinite(self.values).sum())
 
     def on_grid(self) -> tuple[float, Float[np.ndarray, "G K"]]:
-        """Sample step (s) and values on the even grid of the sampling; NaN where there is none."""
-        grid = even_grid(self.t)
-        return grid.step, grid.spread(self.values.reshape(len(self.t), -1))
+        """Sample step (s) and values of even noise on the even grid of the sampling; NaN where there is none."""
+        grid, values = even_grid(self.t), self.values
+        if self.shape is not None:
+            values = np.einsum("mij,tmj->tmi", self.shape[: values.shape[1]], values)
+        return grid.step, grid.spread(values.reshape(len(self.t), -1))
 
 
 def of_fit(fit: Fit) -> tuple[Leftover, ...]:
@@ -68,7 +72,7 @@ def of_fit(fit: Fit) -> tuple[Leftover, ...]:
 def of_remainder(window: str, left: Remainder, likelihood: Likelihood) -> Leftover:
     """One window or segment by its residual alone."""
     noise = likelihood.noise
-    return Leftover(window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own)
+    return Leftover(window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own, shape=likelihood.shape)
 
 
 def of_simulation(likelihood: Likelihood, simulation: Simulation, w: int, remainder: Remainder) -> Leftover:
@@ -87,6 +91,7 @@ def of_simulation(likelihood: Likelihood, simulation: Simulation, w: int, remain
         motion=motion,
         tensions=held * mechanism.robot.mass,
         swivel_rates=_swivel_rates(mechanism, motion),
+        shape=likelihood.shape,
     )
 
 

@@ -2,9 +2,10 @@
 
 The global χ²/dof cannot see 300 of 54 000. Structure of a mechanism lies at low frequencies, in few windows or in a
 line, so χ² is looked at by octave bands, over all windows and in each, and line by line; each against the noise level
-above `whiteness_reference` Hz, which no rigid motion reaches (a wrong declared noise does not matter). The p-value
-counts all these tests (Bonferroni). The windows' own fitted unknowns take energy out of the low bands: exactly
-accounted for where their derivatives are given, else ignored, which makes the test conservative.
+above `whiteness_reference` Hz, which no rigid motion reaches (a wrong declared noise does not matter). Lines are looked
+for there, too: cameras that shake are no noise. The p-value counts all these tests (Bonferroni). The windows' own fitted
+unknowns take energy out of the low bands: exactly accounted for where their derivatives are given, else ignored, which
+makes the test conservative.
 """
 
 from collections.abc import Sequence
@@ -51,6 +52,11 @@ class Whiteness:
     def is_white(self) -> bool:
         """Whether the residual is only noise."""
         return self.p_value > RESIDUALS.whiteness_white
+
+    @property
+    def vibration(self) -> float | None:
+        """Hz, of a line that is faster than any rigid motion of the platform; None where none of these tells most."""
+        return None if self.is_white or self.band[0] < RESIDUALS.whiteness_edges[-1] else float(np.mean(self.band))
 
 
 def spectrum(leftover: Leftover) -> Spectrum:
@@ -154,7 +160,7 @@ def _line(spectra: list[Spectrum], level: float) -> tuple[float, int]:
     heights, places, lines = [], [], 0
     for s in spectra:
         usual = s.dof > 0.5 * np.median(s.dof)
-        height = np.where(usual & (s.frequencies < RESIDUALS.whiteness_edges[-1])[:, np.newaxis], s.chi2, 0.0)
+        height = np.where(usual, s.chi2, 0.0)
         height[0] = 0.0
         places.append(int(np.argmax(height)))
         heights.append(float(height.max()))
@@ -180,6 +186,11 @@ def _words(p: float, ratio: float, band: tuple[float, float], window: str | None
     where = "all windows together" if window is None else f"window {window}"
     if p > RESIDUALS.whiteness_white:
         return f"The residual is consistent with white noise (most unusual band: p = {p:.2g})."
+    if band[0] >= RESIDUALS.whiteness_edges[-1]:
+        return (
+            f"The residual is not white: it oscillates at {np.mean(band):.3g} Hz, faster than the platform swings, in "
+            f"{where} with {plain(ratio)} times the noise (chance {p:.1g})."
+        )
     return (
         f"The residual is not white: between {band[0]:.2g} and {band[1]:.2g} Hz in {where} it has {plain(ratio)} "
         f"times the noise (chance {p:.1g}); χ² is {plain(excess)} too large below {RESIDUALS.whiteness_edges[-1]:g} Hz."

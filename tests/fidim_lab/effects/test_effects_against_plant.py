@@ -253,6 +253,7 @@ def test_a_marker_on_a_stalk(k, zeta, axis, leans, irma4, hide):
             ("frame-misalignment", 0, None),
             [4e-3, -3e-3, 5e-3, 2e-3, -2e-3, 1e-3],
         ),
+        ("capture-scale:scale=3e-3", ("capture-scale", 0, None), [3e-3]),
         ("clock-rate:rate=0.01", ("clock-rate", 0, None), [0.01]),
         ("time-offset:offset=0.02", ("time-offset", 0, None), [0.02]),
     ],

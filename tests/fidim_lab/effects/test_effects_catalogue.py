@@ -39,6 +39,7 @@ IDS = [  # spec/model.md §5, in its order
     "marker-offset",
     "marker-stalk",
     "frame-misalignment",
+    "capture-scale",
     "clock-rate",
     "time-offset",
     "periodic-force",
@@ -61,7 +62,7 @@ def test_every_id_of_the_physics_page_is_there_in_its_order(irma4):
 def test_the_catalogue_is_the_same_every_time_and_says_each_thing_once(irma4):
     every = catalogue(irma4)
     assert every == catalogue(irma4)
-    assert len({effect.label for effect in every}) == len(every) == 93
+    assert len({effect.label for effect in every}) == len(every) == 94
     assert pickle.loads(pickle.dumps(every)) == every
 
 

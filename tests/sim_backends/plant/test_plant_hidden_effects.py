@@ -13,7 +13,7 @@ from sim_backends.plant.sensors import Cameras
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])
 
-ONLY_SENSORS = {"frame-misalignment", "clock-rate", "time-offset", "sensor-fault"}
+ONLY_SENSORS = {"frame-misalignment", "capture-scale", "clock-rate", "time-offset", "sensor-fault"}
 DISSIPATIVE = {
     "air-drag-linear": "c",
     "air-drag-quadratic": "c",

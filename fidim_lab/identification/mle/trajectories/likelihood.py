@@ -17,7 +17,7 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body
@@ -79,6 +79,23 @@ class Likelihood:
     """standard deviation of an encoder's length, m"""
     springs: SpringPrior | None = None
     """None where no cable is a spring"""
+    shape: Float[np.ndarray, "M 3 3"] | None = None
+    """for each marker, by which its noise becomes even; None where it is (`noise_shape`)"""
+
+    def whitened(self, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T M 3"]) -> Float[np.ndarray, "K ..."]:
+        """Rows of the recorded coordinates of one window (m, or derivatives) over their noise."""
+        return self._shaped(rows, seen, self.shape) / self.noise
+
+    def coloured(self, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T M 3"]) -> Float[np.ndarray, " K"]:
+        """The inverse of `whitened`."""
+        return self._shaped(rows, seen, None if self.shape is None else np.linalg.inv(self.shape)) * self.noise
+
+    def _shaped(self, rows: np.ndarray, seen: np.ndarray, shape: np.ndarray | None) -> np.ndarray:
+        if shape is None:
+            return rows
+        whole = np.zeros(seen.shape + rows.shape[1:])
+        whole[seen] = rows
+        return np.einsum("mij,tmj...->tmi...", shape[: seen.shape[1]], whole)[seen]
 
     @property
     def own(self) -> int:
@@ -272,7 +289,7 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
         known = np.isfinite(recording.lengths)
         jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
-        jacobian[: len(by_markers)] = by_markers / likelihood.noise
+        jacobian[: len(by_markers)] = likelihood.whitened(by_markers, seen)
         lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
         jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
         jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
@@ -318,7 +335,7 @@ def _residual(
         astray = np.zeros(starts.extra.shape[1]) if at.astray is None else at.astray[w]
         priors = np.concatenate([priors, astray / spreads(likelihood.mechanism)])
     return WindowResidual(
-        markers=(predicted - recording.markers[use])[seen] / likelihood.noise,
+        markers=likelihood.whitened((predicted - recording.markers[use])[seen], seen),
         lengths=(starts.lengths[w] - recording.read(yielding_encoders(likelihood.mechanism)))[known]
         / likelihood.resolution,
         loose=priors,

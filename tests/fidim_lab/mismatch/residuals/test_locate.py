@@ -1,5 +1,7 @@
 """White remainders are called white as often as stated; structure is found with window, time, channel, frequency."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -82,6 +84,23 @@ def test_weak_structure_of_all_windows_is_seen_where_the_global_figure_is_blind(
     assert answer.band[0] <= 1.75
     assert answer.band[1] >= 1.65
     assert "not white" in answer.says
+
+
+def test_cameras_that_shake_faster_than_the_platform_swings_are_no_noise():
+    found = noise(6, 3)
+    for w in range(6):
+        wave = 0.5 * np.sin(2 * np.pi * 23.4 * T + w)
+        with_added(found, w, wave[:, None, None] * np.array([0.8, 0.6, 0.0]))
+    answer = whiteness(found)
+    assert answer.vibration == pytest.approx(23.4, abs=0.06)
+    assert "23.4 Hz, faster than the platform swings" in answer.says
+
+
+def test_uneven_noise_is_white_by_its_shape():
+    shape = np.diag([2.0, 1.0, 0.5])[np.newaxis]
+    uneven = [replace(one, values=one.values @ np.linalg.inv(shape[0]), directions=None) for one in noise(6, 5)]
+    assert not whiteness(uneven).is_white
+    assert whiteness([replace(one, shape=shape) for one in uneven]).is_white
 
 
 def test_noise_has_no_place():
