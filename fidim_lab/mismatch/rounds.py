@@ -15,7 +15,7 @@ from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit
 from fidim_lab.mismatch.cleaning.restored import restored
-from fidim_lab.mismatch.conclusion.timing import retimed
+from fidim_lab.mismatch.conclusion.timing import RATE, one_clock, retimed
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
@@ -218,9 +218,14 @@ class Rounds:
     def _by_the_right_clock(self, first: Round) -> Round:
         """The search with the cameras' stamps put right, where currents say that they run away; else `first` itself.
 
-        A clock that runs fast looks like a little more gravity, and blurs what is missing besides. The other time is
+        Without another rate where currents say that there is none: gravity of another strength looks like one. A clock that runs fast looks like a little more gravity, and blurs what is missing besides. The other time is
         kept where as much is explained with it by no more effects.
         """
+        if one_clock(first.found.best.model):
+            self.say("by the motor currents cameras and winches have one clock: repeating without another rate")
+            rounds = replace(self, without=self.without | {RATE})
+            again = rounds._look(first.cleaned, rounds.fitted(first.cleaned.campaign, first.baseline))
+            return again if again.unexplained <= first.unexplained else first
         campaign = retimed(first.cleaned.campaign, first.found.best.model)
         if campaign is None:
             return first

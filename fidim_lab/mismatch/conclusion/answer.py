@@ -36,10 +36,7 @@ def with_answer(told: Explanation) -> Explanation:
     answer = ShortAnswer(
         verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
         certain=" ".join(dict.fromkeys(_certain(told))) or "Nothing beyond the verdict.",
-        not_known=" ".join(_open(told.effects))
-        or "Nothing; each named effect has odds over 20 to 1 against its rivals."
-        if told.effects
-        else "No effect was named.",
+        not_known=" ".join([*_doubtful(told), *_open(told.effects)]) or _all_told(told),
         next=_next(told),
     )
     return replace(told, answer=answer)
@@ -63,7 +60,8 @@ def _figures(told: Explanation) -> str:
 
 def _certain(told: Explanation) -> Iterable[str]:
     """Single names with their sizes, classes by what they share, and the geometry."""
-    yield from (reading.says for reading in told.readings)
+    if told.verdict is not Verdict.UNKNOWN_PHYSICS:
+        yield from (reading.says for reading in told.readings)
     drifts = {reading.id for reading in told.readings}
     for cause in [cause for cause in told.effects if cause.id not in drifts][:MOST_CAUSES]:
         if cause.single:
@@ -80,6 +78,16 @@ def _certain(told: Explanation) -> Iterable[str]:
             rms = (sum(value**2 for value in off) / len(off)) ** 0.5
             shown = f"{millimetres(rms):.2g} mm rms, as far as the recordings show"
             yield f"The anchors in the robot file are wrong by {shown}; every ± includes this."
+
+
+def _doubtful(told: Explanation) -> Iterable[str]:
+    """Errors of readings, which a model told that misses more than noise: they may be what it lacks."""
+    if told.readings and told.verdict is Verdict.UNKNOWN_PHYSICS:
+        yield f"Whether this is so, or looks so for what is missing: {told.readings[0].says}"
+
+
+def _all_told(told: Explanation) -> str:
+    return "Nothing; each named effect has odds over 20 to 1 against its rivals." if told.effects else "No effect was named."
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:

@@ -4,6 +4,9 @@ With locked motors every window's start takes up a shift of its markers' time. T
 tensions of the fitted motion on the winches' own clock, i = a + b τ(t − offset + rate t) for each window and cable, a
 and b being free (losses and scale of currents are not known to some per cent). What all of them say together is the
 offset, and how much faster the cameras' clock runs: far finer than what free motion says of a rate.
+
+Both are judged against the fitted motion, which is too quick or too slow itself where physics is missing, for the markers
+as for the currents: the rate is what the currents say less what the markers say.
 """
 
 from dataclasses import dataclass, replace
@@ -48,6 +51,10 @@ class Timing:
         """Whether another rate is believed."""
         return abs(self.rate) > max(SHARED.certain * self.rate_sd, CONCLUSION.timing_slowest)
 
+    def excludes(self, rate: float) -> bool:
+        """Whether the clocks differ by clearly less than this, if at all."""
+        return abs(self.rate) + max(SHARED.certain * self.rate_sd, CONCLUSION.timing_slowest) < SHARED.half * abs(rate)
+
 
 def timing(model: Completed) -> Timing | None:
     """By the motor currents of the windows that were fitted; None where there are none, or too few that tell."""
@@ -63,14 +70,51 @@ def timing(model: Completed) -> Timing | None:
         tries = [course.step(*found.tolist()) for course in courses]
         steps, weights = np.array([step for step, _ in tries]), np.array([weight for _, weight in tries])
         found = found + _mean(steps, weights)
+    sds = _sds(steps, weights)
+    markers, markers_sd = _rate_of_markers(model)
+    return Timing(
+        float(found[0]), float(sds[0]), float(found[1]) - markers, float(np.hypot(sds[1], markers_sd)), len(courses)
+    )
+
+
+def _sds(steps: Float[np.ndarray, "K 2"], weights: Float[np.ndarray, "K 2 2"]) -> Float[np.ndarray, "2"]:
+    """Of their mean, by their weights and by their scatter, whichever says more."""
     off = steps - _mean(steps, weights)
-    spread = float(np.einsum("ki,kij,kj->", off, weights, off)) / (2 * (len(courses) - 1))
-    sds = np.sqrt(max(1.0, spread) * np.diag(np.linalg.inv(weights.sum(axis=0))))
-    return Timing(float(found[0]), float(sds[0]), float(found[1]), float(sds[1]), len(courses))
+    spread = float(np.einsum("ki,kij,kj->", off, weights, off)) / (2 * max(1, len(steps) - 1))
+    return np.sqrt(max(1.0, spread) * np.diag(np.linalg.inv(weights.sum(axis=0))))
+
+
+def _rate_of_markers(model: Completed) -> tuple[float, float]:
+    """How much quicker the markers move by their stamps than the fitted motion, as the rate of `Timing`, with its sd."""
+    steps: list[np.ndarray] = []
+    weights: list[np.ndarray] = []
+    for left, recording in zip(model.fit.remainders, model.fit.likelihood.recordings, strict=True):
+        t = left.t - recording.window.t[0] - recording.begin
+        velocity = np.gradient(left.predicted, t, axis=0)
+        seen = np.isfinite(velocity) & np.isfinite(left.residuals)
+        columns = np.stack([-velocity, t[:, np.newaxis, np.newaxis] * velocity], axis=-1)[seen]
+        weight = columns.T @ columns / model.fit.likelihood.noise**2
+        steps.append(np.linalg.lstsq(columns, left.residuals[seen], rcond=1e-9)[0])
+        weights.append(weight)
+    every, all_weights = np.array(steps), np.array(weights)
+    return float(_mean(every, all_weights)[1]) - _rate_of(model), float(_sds(every, all_weights)[1])
 
 
 def _mean(steps: Float[np.ndarray, "K 2"], weights: Float[np.ndarray, "K 2 2"]) -> Float[np.ndarray, "2"]:
     return np.linalg.solve(weights.sum(axis=0), np.einsum("kij,kj->i", weights, steps))
+
+
+def one_clock(model: Completed) -> bool:
+    """Whether motor currents say that cameras and winches have one clock, where the model has another rate."""
+    rate = _rate_of(model)
+    found = timing(model) if rate and model.whole else None
+    return found is not None and found.excludes(rate)
+
+
+def _rate_of(model: Completed) -> float:
+    """By which the model lets the cameras' clock run faster; 0 where it does not."""
+    found = (float(model.theta_of(k)[0][0]) for k, h in enumerate(model.tried) if h.effect.id == RATE)
+    return next(found, 0.0)
 
 
 def retimed(campaign: Campaign, model: Completed) -> Campaign | None:
@@ -79,7 +123,7 @@ def retimed(campaign: Campaign, model: Completed) -> Campaign | None:
     model: fitted to whole windows of it, however well: the course of the tensions tells of a rate, not their size.
     """
     names = {h.effect.id for h in model.tried}
-    found = timing(model) if model.whole and not names & DISTORTED else None
+    found = timing(model) if model.whole and not names & DISTORTED and RATE not in names else None
     if found is None or not found.runs_away:
         return None
     slower = 1.0 / (1.0 + found.rate)

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.sealed.campaigns import NATIVE, SealedRecipe, sealed_campaign
 from fidim_lab.data.records import Campaign, Robot, Role
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.timing import OFFSET, RATE, retimed, timing, with_timing
+from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
@@ -95,3 +97,13 @@ def test_without_currents_it_is_said_that_it_was_not_tested(irma4: Robot) -> Non
     assert answer.verdict is Verdict.NOTHING_MISSING
     assert answer.untested == (OFFSET,)
     assert "no suitable motor currents" in answer.message
+
+
+@pytest.mark.slow
+def test_gravity_of_another_strength_is_no_clock_where_currents_have_the_cameras_time(irma4: Robot) -> None:
+    there = replace(irma4, gravity=np.array([0.0, 0.0, -9.781]))
+    campaign, _ = sealed_campaign(SealedRecipe("south", there, (), NATIVE, (6, 2), 100.0, True, 3))
+    found = explain(replace(campaign, robot=replace(campaign.robot, gravity=irma4.gravity)))
+    assert [one.id for one in found.effects] == ["constant-force"], found.message
+    upwards = found.effects[0].parameters["fz"].value
+    assert upwards == pytest.approx(irma4.mass * 0.029, rel=0.2)
