@@ -69,7 +69,7 @@ class Case:
 
 
 def case_of(seed: int, number: int, mass: float, cables: int, kind: SecretKind | None = None) -> Case:
-    """What campaign `number` (from 1) hides in a robot of this mass (kg) and number of cables; kind: of all, if given."""
+    """What campaign `number` (from 1) hides in a robot of this mass (kg) and cables; kind: of all, if given."""
     rng = np.random.default_rng([seed, number, 10])
     kind, ids = _dealt(seed, number, kind)
     return Case(kind, tuple(_sized(id, rng, mass, cables) for id in ids))

@@ -130,8 +130,8 @@ def _alarms(tally: Tally) -> str:
         f"False alarms on campaigns with nothing hidden: {tally.false_alarms} (exact 95 % interval, Clopper–Pearson). "
         f"Outside the catalogue, and called unknown: {tally.outside}; of these the generic model halves the held-out "
         f"excess of χ²/dof at least: {tally.halved}. Wrong and sure, a single name for what was not hidden: "
-        f"{tally.wrong_and_sure}. Of campaigns with effects of which something is named, all hidden ones stand among the "
-        f"names and what is not told from them: {tally.covered}.\n\n"
+        f"{tally.wrong_and_sure}. Of campaigns with effects of which something is named, all hidden ones stand among "
+        f"the names and what is not told from them: {tally.covered}.\n\n"
         + table(("χ² excess of what is outside", "campaigns", "called unknown (95 %)", "of these halved (95 %)"), rows)
     )
 

@@ -100,8 +100,8 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("anchor-offset", "capture-scale"),
         Likeness.NEAR,
-        "all anchors, attachments and lengths a thousandth farther out are motion capture that measures a thousandth too "
-        "short; only gravity, which sets the pace, does not grow with them",
+        "all anchors, attachments and lengths a thousandth farther out are motion capture that measures a thousandth "
+        "too short; only gravity, which sets the pace, does not grow with them",
         "measure the distance of two markers on a bar of known length",
     ),
     Equivalence(

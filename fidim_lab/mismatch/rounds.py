@@ -218,13 +218,14 @@ class Rounds:
     def _by_the_right_clock(self, first: Round) -> Round:
         """The search with the cameras' stamps put right, where currents say that they run away; else `first` itself.
 
-        Without another rate where currents say that there is none: gravity of another strength looks like one. A clock that runs fast looks like a little more gravity, and blurs what is missing besides. The other time is
-        kept where as much is explained with it by no more effects.
+        A clock of another rate looks like gravity of another strength, and blurs what is missing besides. Where the
+        model has such a rate and currents say that there is none, the search is repeated without it. The other time, or
+        model, is kept where as much is explained with it by no more effects.
         """
         if one_clock(first.found.best.model):
             self.say("by the motor currents cameras and winches have one clock: repeating without another rate")
-            rounds = replace(self, without=self.without | {RATE})
-            again = rounds._look(first.cleaned, rounds.fitted(first.cleaned.campaign, first.baseline))
+            without_rate = replace(self, without=self.without | {RATE}).fitted(first.cleaned.campaign, first.baseline)
+            again = self._look(first.cleaned, without_rate)
             return again if again.unexplained <= first.unexplained else first
         campaign = retimed(first.cleaned.campaign, first.found.best.model)
         if campaign is None:

@@ -16,8 +16,8 @@ from fidim_lab.data.records import PARAMETER_NAMES, Body, Sensors, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.refusals import together
-from fidim_lab.identification.mle import spread
 from fidim_lab.identification.markers.noise_shape import noise_shape
+from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.judge import Remainder, noise_alone, remainder
 from fidim_lab.identification.mle.starts import springs
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales

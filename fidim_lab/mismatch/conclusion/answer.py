@@ -87,7 +87,11 @@ def _doubtful(told: Explanation) -> Iterable[str]:
 
 
 def _all_told(told: Explanation) -> str:
-    return "Nothing; each named effect has odds over 20 to 1 against its rivals." if told.effects else "No effect was named."
+    return (
+        "Nothing; each named effect has odds over 20 to 1 against its rivals."
+        if told.effects
+        else "No effect was named."
+    )
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:

@@ -110,8 +110,8 @@ def next_experiment(verdict: Verdict, effects: Sequence[NamedCause], vibration: 
                     return f"To tell {cause.id} from {other}: {known.separate}."
     if vibration is not None:
         return (
-            f"Find what vibrates at {vibration:.3g} Hz: cameras, frame, drives or a fan (an accelerometer on each tells), "
-            "or cables that ring as springs."
+            f"Find what vibrates at {vibration:.3g} Hz: cameras, frame, drives or a fan (an accelerometer on each "
+            "tells), or cables that ring as springs."
         )
     if verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return "Repeat one window at the same place with half the displacement: this separates force from geometry."
@@ -181,8 +181,8 @@ def _slow_noise(found: Selection) -> str:
         return ""
     frames = 1e3 * found.baseline.whiteness.level * found.best.model.mechanism.robot.sensors.marker_noise
     return (
-        f"That is within the stated noise, but from frame to frame the markers scatter by {frames:.2g} mm only: the rest "
-        "is slower. Motion capture may err so by itself. "
+        f"That is within the stated noise, but from frame to frame the markers scatter by {frames:.2g} mm only: the "
+        "rest is slower. Motion capture may err so by itself. "
     )
 
 

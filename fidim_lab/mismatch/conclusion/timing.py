@@ -5,8 +5,8 @@ tensions of the fitted motion on the winches' own clock, i = a + b τ(t − offs
 and b being free (losses and scale of currents are not known to some per cent). What all of them say together is the
 offset, and how much faster the cameras' clock runs: far finer than what free motion says of a rate.
 
-Both are judged against the fitted motion, which is too quick or too slow itself where physics is missing, for the markers
-as for the currents: the rate is what the currents say less what the markers say.
+Both are judged against the fitted motion, which is too quick or too slow itself where physics is missing, for the
+markers as for the currents: the rate is what the currents say less what the markers say.
 """
 
 from dataclasses import dataclass, replace
@@ -85,7 +85,7 @@ def _sds(steps: Float[np.ndarray, "K 2"], weights: Float[np.ndarray, "K 2 2"]) -
 
 
 def _rate_of_markers(model: Completed) -> tuple[float, float]:
-    """How much quicker the markers move by their stamps than the fitted motion, as the rate of `Timing`, with its sd."""
+    """How much quicker the markers move by their stamps than the fitted motion, as `Timing.rate`, with its sd."""
     steps: list[np.ndarray] = []
     weights: list[np.ndarray] = []
     for left, recording in zip(model.fit.remainders, model.fit.likelihood.recordings, strict=True):

@@ -72,7 +72,9 @@ def of_fit(fit: Fit) -> tuple[Leftover, ...]:
 def of_remainder(window: str, left: Remainder, likelihood: Likelihood) -> Leftover:
     """One window or segment by its residual alone."""
     noise = likelihood.noise
-    return Leftover(window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own, shape=likelihood.shape)
+    return Leftover(
+        window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own, shape=likelihood.shape
+    )
 
 
 def of_simulation(likelihood: Likelihood, simulation: Simulation, w: int, remainder: Remainder) -> Leftover:

@@ -3,9 +3,9 @@
 The global χ²/dof cannot see 300 of 54 000. Structure of a mechanism lies at low frequencies, in few windows or in a
 line, so χ² is looked at by octave bands, over all windows and in each, and line by line; each against the noise level
 above `whiteness_reference` Hz, which no rigid motion reaches (a wrong declared noise does not matter). Lines are looked
-for there, too: cameras that shake are no noise. The p-value counts all these tests (Bonferroni). The windows' own fitted
-unknowns take energy out of the low bands: exactly accounted for where their derivatives are given, else ignored, which
-makes the test conservative.
+for there, too: cameras that shake are no noise. The p-value counts all these tests (Bonferroni). The windows' own
+fitted unknowns take energy out of the low bands: exactly accounted for where their derivatives are given, else ignored,
+which makes the test conservative.
 """
 
 from collections.abc import Sequence

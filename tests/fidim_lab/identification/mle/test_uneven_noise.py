@@ -38,7 +38,7 @@ def test_the_shape_makes_the_noise_even():
 
 
 def test_what_is_stated_beyond_it_is_of_no_known_direction():
-    """Errors that are slower than frames are not seen, and larger than those that are: little is known of directions."""
+    """Errors slower than frames are not seen, and larger than those that are: little is known of directions."""
     assert noise_shape(drawn(0.2 * UNEVEN, 6, 1), 2e-4) is None
 
 
