@@ -25,6 +25,11 @@ def printable(text: str, longest: int = LONGEST) -> str:
     return shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: 1 window, 2 windows."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def each_once(said: Iterable[tuple[str, str]]) -> dict[str, str]:
     """What is said of several things, by its text; the names of those of which the same is said stand together."""
     names: dict[str, list[str]] = {}

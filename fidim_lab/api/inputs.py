@@ -10,6 +10,7 @@ from fidim_lab.data import records
 from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
 from fidim_lab.data.robot_file import read_robot, robot_path, write_robot
 from fidim_lab.errors import RefusedError
+from fidim_lab.say import counted
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,9 @@ class Robot(records.Robot):
 
     def __repr__(self) -> str:
         return (
-            f"Robot({_counted(self.n, 'cable')}, {self.mass:g} kg, {_counted(len(self.markers), 'marker')}, "
-            f"{_counted(self.freedoms, 'freedom')})"
+            f"Robot({counted(self.n, 'cable')}, {self.mass:g} kg, {counted(len(self.markers), 'marker')}, "
+            f"{counted(self.freedoms, 'freedom')})"
         )
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 @dataclass(frozen=True, eq=False)

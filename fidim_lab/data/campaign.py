@@ -11,7 +11,7 @@ import tomli_w
 from pydantic import Field
 
 from fidim_lab.arrays import PerCable
-from fidim_lab.data.files.toml_file import Table, read_toml
+from fidim_lab.data.files.toml_file import Name, Table, read_toml
 from fidim_lab.data.records import Alignment, Campaign, Role, Window
 from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
 from fidim_lab.data.rigs.alignment_file import at_exposures, read_alignment
@@ -44,7 +44,7 @@ WANTED = (
 class WindowTable(Table):
     """`[[window]]`."""
 
-    id: Annotated[str, Field(min_length=1)]
+    id: Name
     file: str
     role: Role
     equilibrium: tuple[float, float, float] | None = None

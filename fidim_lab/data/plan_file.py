@@ -9,7 +9,7 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
-from fidim_lab.data.files.toml_file import Table, read_toml
+from fidim_lab.data.files.toml_file import Name, Table, read_toml
 from fidim_lab.data.records import Accuracy, Plan, PlannedWindow, Pose, Role
 from fidim_lab.errors import FileError
 from fidim_lab.units import HALL
@@ -30,7 +30,7 @@ class PoseTable(Table):
 class PlannedWindowTable(Table):
     """`[[window]]`."""
 
-    id: Annotated[str, Field(min_length=1)]
+    id: Name
     role: Role = Role.IDENTIFY
     lengths: list[Annotated[float, Field(gt=0)]]
     displacement: tuple[float, float]

@@ -40,6 +40,7 @@ from fidim_lab.mismatch.linearised.hypotheses import hypotheses
 from fidim_lab.mismatch.scores.score import Projected, Score, WindowGram, projected, single_scores, window_grams
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.integrate import States
+from fidim_lab.say import counted
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,10 @@ class Watch:
         refusal = next(iter(self._refused.values()), "")
         if len(self._windows) < SHARED.fewest:
             self._look_ahead()
-            says = refusal or f"{_windows(len(self._windows))} so far: {SHARED.fewest} are needed to check the model."
+            says = (
+                refusal
+                or f"{counted(len(self._windows), 'window')} so far: {SHARED.fewest} are needed to check the model."
+            )
             return SoFar(len(self._windows), None, None, None, not refusal, (), says)
         try:
             found = self._refitted()
@@ -213,7 +217,7 @@ def _told(found: Fit, scored: tuple[Projected, tuple[Score, ...]], refusal: str)
     seconds = float(max(recording.end for recording in found.likelihood.recordings))
     rms = float(np.sqrt(np.mean([one.rms**2 for one in found.remainders])))
     holds = not (left or suspected or refusal)
-    says = f"{_windows(count)} so far: χ²/dof {found.excess:.3g}"
+    says = f"{counted(count, 'window')} so far: χ²/dof {found.excess:.3g}"
     says += f" over the first {seconds:.0f} s" if seconds <= HORIZONS[2] + 1e-9 else ""
     if holds:
         says += ", the model holds: only noise is left, and no effect is suspected."
@@ -245,7 +249,3 @@ def _suspected(found: Fit, seen: Projected, singles: Sequence[Score]) -> tuple[S
         )
         for score in list(chosen.values())[: SHARED.leaders]
     )
-
-
-def _windows(count: int) -> str:
-    return "1 window" if count == 1 else f"{count} windows"

@@ -3,8 +3,7 @@
 In: a transport and a clock. Out: a master, and of each node what it said last, with its time.
 """
 
-from drivers.cia402.watch.brake import set_brake
 from drivers.cia402.watch.master import CanopenMaster
-from drivers.cia402.watch.without_power import acknowledge_fault, read_state, take_power
+from drivers.cia402.watch.without_power import acknowledge_fault, read_state, set_brake, take_power
 
 __all__ = ["CanopenMaster", "acknowledge_fault", "read_state", "set_brake", "take_power"]

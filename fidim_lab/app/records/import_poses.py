@@ -23,7 +23,6 @@ from fidim_lab.app.records.import_readings import (
     refuse_misread,
 )
 from fidim_lab.app.records.import_units import in_metres, units_that_fit
-from fidim_lab.app.report.sections.numerals import counted
 from fidim_lab.arrays import Positions, Rotations, Series
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import MarkerLog
@@ -34,6 +33,7 @@ from fidim_lab.data.rigid_body import MarkerSeries, cluster_shape, fit_pose
 from fidim_lab.data.stitching import stitch
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.say import counted
 
 STRAY = 2e-3
 """m, by which lengths of locked cables may vary by the poses. With a surveyed frame it was 0.0 to 0.3 in 60 takes, in

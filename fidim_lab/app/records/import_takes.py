@@ -17,7 +17,6 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_cables import LogLengths, cable_order
 from fidim_lab.app.records.import_logs import compared, logged, without_log
 from fidim_lab.app.records.import_poses import pose_take
-from fidim_lab.app.report.sections.numerals import counted
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.importers.takes import Asked, Take, Takes
@@ -25,6 +24,7 @@ from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.motion.free_stretches import find_free_motion
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.say import counted
 
 JOURNAL = "import.json"
 FORMAT = "fidim-takes/1"

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from fidim_lab.data.files.input_file import place_words
+from fidim_lab.say import counted
 
 _WANTED = {
     "float": "a number",
@@ -83,7 +84,7 @@ def mistake(error: Any) -> str:
     if kind in ("too_short", "too_long"):
         few, most = context.get("min_length"), context.get("max_length")
         limit = f"at least {few} are needed" if kind == "too_short" else f"at most {most} are allowed"
-        return f"{counted(context['actual_length'])}; {limit}"
+        return f"{counted(context['actual_length'], 'value')}; {limit}"
     if kind == "string_pattern_mismatch":
         return f"{found}; a text of the form {context['pattern']} is wanted"
     if kind == "value_error":
@@ -116,7 +117,7 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list | tuple):
-        return f"a list of {counted(len(value))}"
+        return f"a list of {counted(len(value), 'value')}"
     if isinstance(value, dict):
         return "a table"
     if value is None:
@@ -124,11 +125,6 @@ def shown(value: Any) -> str:
     if not isinstance(value, str):
         return _number(value) if isinstance(value, int | float) else _short(str(value))
     return f"the text {_bare(value)}"
-
-
-def counted(number: int) -> str:
-    """So many values, in words."""
-    return "1 value" if number == 1 else f"{number} values"
 
 
 def _one_of(errors: Sequence[Any]) -> str:

@@ -18,6 +18,10 @@ Schema = TypeVar("Schema", bound="Table")
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
+Count = Annotated[int, Field(ge=-(2**31), le=2**31 - 1)]
+"""of an encoder, which has 32 bits"""
+Word = Annotated[int, Field(ge=0, le=2**32 - 1)]
+"""32 bits, of a drive's identity"""
 LIMIT = MIB // 2
 """bytes, which tomllib takes up to 2 s for; a plan of 1000 windows has half of it"""
 

@@ -10,32 +10,30 @@ from typing import Annotated, Literal
 import tomli_w
 from pydantic import Field
 
-from fidim_lab.data.files.toml_file import Table, read_toml
+from fidim_lab.data.files.toml_file import Count, Name, Positive, Table, Word, read_toml
 from fidim_lab.data.files.whole_file import write_whole
 
 FORMAT = "fidim-home/1"
-_Count = Annotated[int, Field(ge=-(2**31), lt=2**31)]
-_Word = Annotated[int, Field(ge=0, lt=2**32)]
 
 
 class WinchHome(Table):
     """The zero of a winch's encoder, as `home` has found it."""
 
     node_id: Annotated[int, Field(ge=1, le=126)]
-    vendor_id: _Word
-    product_code: _Word
-    serial_number: _Word
-    home_count: _Count
-    home_length: Annotated[float, Field(gt=0)]
+    vendor_id: Word
+    product_code: Word
+    serial_number: Word
+    home_count: Count
+    home_length: Positive
     """m"""
     at: str
     """ISO 8601"""
-    last_count: _Count | None = None
+    last_count: Count | None = None
     """where the encoder was seen last"""
 
 
 class _WinchTable(WinchHome):
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
 
 
 class _HomeTable(Table):

@@ -6,31 +6,29 @@ another drive, or another setting, has proven nothing.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import tomli_w
-from pydantic import Field
 
-from fidim_lab.data.files.toml_file import NotNegative, Positive, Table, read_toml
+from fidim_lab.data.files.toml_file import Name, NotNegative, Positive, Table, Word, read_toml
 from fidim_lab.data.files.whole_file import write_whole
 
 FORMAT = "fidim-proofs/1"
 NAME = "proofs.toml"
 """in the folder of the run that has made them"""
 _HEAD = "# Written by fidim commission: stops that were proven by trial. Another drive or setting voids a proof.\n"
-_Word = Annotated[int, Field(ge=0, lt=2**32)]
 
 
 class KeptProof(Table):
     """One trial that one drive has passed."""
 
-    winch: Annotated[str, Field(min_length=1)]
-    trial: Annotated[str, Field(min_length=1)]
+    winch: Name
+    trial: Name
     """what was withheld or commanded"""
-    vendor_id: _Word
-    product_code: _Word
-    revision_number: _Word
-    serial_number: _Word
+    vendor_id: Word
+    product_code: Word
+    revision_number: Word
+    serial_number: Word
     """1018 of the drive; 0 where it tells none"""
     speed: Positive
     """m/s of cable at which it was tried"""
@@ -38,7 +36,7 @@ class KeptProof(Table):
     """s until it stood"""
     distance: float
     """m of cable in that time"""
-    by: Annotated[str, Field(min_length=1)]
+    by: Name
     """who was there"""
     at: str
     """ISO 8601"""

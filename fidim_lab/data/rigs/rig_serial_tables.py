@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from fidim_lab.data.files.toml_file import Table
+from fidim_lab.data.files.toml_file import Name, Table
 from fidim_lab.data.rigs.rig_serial import GaugeEntry, Loading, ReleaseEntry
 from fidim_lab.errors import FileError
 from fidim_lab.units import NEWTON_FOR, RADIAN_FOR
@@ -41,7 +41,7 @@ Seconds = Annotated[float, Field(gt=0, le=60)]
 class ReleaseTable(Table):
     """`[release]`."""
 
-    port: Annotated[str, Field(min_length=1)]
+    port: Name
     baud: Baud = 9600
     hold: Command
     release: Command
@@ -67,7 +67,7 @@ class ReleaseTable(Table):
 class GaugeTable(Table):
     """What load cells and inclinometers have in common."""
 
-    port: Annotated[str, Field(min_length=1)]
+    port: Name
     baud: Baud = 115_200
     pattern: Annotated[str, Field(min_length=1, max_length=200)]
     offset: float = 0.0

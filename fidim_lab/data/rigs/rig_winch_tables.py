@@ -7,12 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fidim_lab.data.files.toml_file import Name, NotNegative, Positive, Table
+from fidim_lab.data.files.toml_file import Count, Name, NotNegative, Positive, Table
 
 GENERIC = "generic"
 """the name of the built-in EDS"""
-Count = Annotated[int, Field(ge=-(2**31), le=2**31 - 1)]
-"""of an encoder, which has 32 bits"""
 
 
 class TensionTable(Table):

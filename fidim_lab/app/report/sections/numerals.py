@@ -41,8 +41,3 @@ def duration(seconds: float) -> str:
 def size(count: int) -> str:
     """A file's size for people."""
     return f"{count} B" if count < 1000 else f"{count / 1e3:.1f} kB" if count < 1e6 else f"{count / 1e6:.2f} MB"
-
-
-def counted(number: int, noun: str) -> str:
-    """A number with its noun: 1 window, 2 windows."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

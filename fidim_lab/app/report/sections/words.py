@@ -5,10 +5,11 @@ import numpy as np
 from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.folder import Contents
 from fidim_lab.app.report.drawings.figures import ParameterRow
-from fidim_lab.app.report.sections.numerals import counted, duration, interval, short
+from fidim_lab.app.report.sections.numerals import duration, interval, short
 from fidim_lab.app.report.sections.tables import stated
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.say import counted
 from procedures.outcomes import Outcome
 
 
