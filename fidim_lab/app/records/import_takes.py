@@ -10,6 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median_low
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from fidim_lab.app.records.import_cables import LogLengths, cable_order
 from fidim_lab.app.records.import_logs import compared, logged, without_log
 from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.terminal import console
-from fidim_lab.data.campaign import write_campaign
+from fidim_lab.data.campaign import OFF_RATE, write_campaign
 from fidim_lab.data.importers.takes import Asked, Take, Takes
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
@@ -72,8 +73,12 @@ def find_windows(group: Takes) -> Sequence[TakeWindows]:
     mechanism = Mechanism(group.robot)
     found: list[TakeWindows] = []
     known: dict[bytes, str] = {}
+    rate = median_low([take.markers.rate for take in group.takes])
     for take in group.takes:
         try:
+            if not 1.0 / OFF_RATE <= take.markers.rate / rate <= OFF_RATE:
+                what = f"{take.markers.rate:.5g} Hz, while most takes have {rate:.5g} Hz; a campaign has one rate."
+                raise RefusedError(what, hint="Import it by itself, and name both campaigns in fidim identify.")
             one = _of_take(mechanism, take, group.asked)
             _refuse_twice(one, known)
             found.append(one)
@@ -177,7 +182,7 @@ def _write(group: Takes, found: Sequence[TakeWindows], folder: Path) -> dict[str
     table = _table(group, found, windows)
     folder.mkdir(parents=True, exist_ok=True)
     if windows:
-        rate = group.asked.rate or next(one.take.markers.rate for one in found if one.windows)
+        rate = group.asked.rate or median_low([one.take.markers.rate for one in found if one.windows])
         campaign = Campaign(group.name, group.robot, rate, tuple(windows))
         write_campaign(folder, campaign, robot_comment=f"Written by fidim import {group.kind} from its own geometry.")
     (folder / JOURNAL).write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -40,7 +40,9 @@ def read_qtm_mat(path: Path) -> MarkerLog:
             labelled = trajectories.struct("Labeled")
             labels = labelled.texts("Labels")
             positions = _places(labelled, len(labels))
-        if isinstance(groups.get("Unidentified"), dict):
+        if isinstance(spare := groups.get("Unidentified"), dict) and np.size(
+            spare.get("Data", ())
+        ):  # MATLAB's [] where there is none
             loose = _places(trajectories.struct("Unidentified"), None)
     if positions is None and not bodies:
         raise FileError(path, names[0], "neither Trajectories.Labeled nor RigidBodies.", hint="Export 3D or 6D data.")
@@ -66,7 +68,8 @@ def _places(owner: MatStruct, count: int | None) -> np.ndarray:
 
 def _bodies(root: MatStruct) -> tuple[BodyTrack, ...]:
     owner = root.struct("RigidBodies")
-    names = owner.texts("Name")
+    if not (names := owner.texts("Name")):
+        return ()
     positions = owner.samples("Positions", len(names), 3, None)
     rotations = owner.samples("Rotations", len(names), 9, None)
     if positions.shape[2] != rotations.shape[2]:

@@ -1,9 +1,10 @@
 """Points and poses inside a message of any type, by the names that its fields have.
 
     pose     {position: {x, y, z}, orientation: {x, y, z, w}} or {translation: …, rotation: …}
-    point    {point: {x, y, z}}, {position: …} or {translation: …} without a rotation beside it
+    point    {point: {x, y, z}}, {position: …} or {translation: …} without a rotation beside it; {name, x, y, z}
     cloud    {fields, point_step or point_stride, data}: points packed in bytes, of any datatype and order of bytes
     vicon    {x_trans, y_trans, z_trans, x_rot, y_rot, z_rot, w}, in Vicon's unit, which no message says
+    list     numbers of a place or a rotation in a list, as JSON has them
     name     child_frame_id, marker_name, name, id, marker_index of this level, behind those above; else the place in
              a list
     unseen   {occluded: true} or {tracking_valid: false}
@@ -83,6 +84,9 @@ def _walk(node: Any, owner: str, name: str, stamp: float | None, depth: int) -> 
             if (at := _numbers(node.get(place), "xyz")) and (quaternion := _numbers(node.get(turn), "xyzw")):
                 yield Sighting(name, stamp, at, quaternion)  # type: ignore[arg-type]
                 return
+        if own and (at := _numbers(node, "xyz")):
+            yield Sighting(name, stamp, at, None)  # type: ignore[arg-type]
+            return
         for key, item in node.items():
             at = _numbers(item, "xyz") if key in POINTS else None
             if at:
@@ -157,7 +161,9 @@ def _stamp(node: Mapping[str, Any]) -> float | None:
 
 
 def _numbers(node: Any, keys: str) -> tuple[float, ...] | None:
-    """The numbers of a dict that has all these keys."""
+    """The numbers of a dict that has all these keys, or of a list with as many."""
+    if isinstance(node, list) and len(node) == len(keys) and all(isinstance(one, int | float) for one in node):
+        return tuple(map(float, node))
     if not isinstance(node, Mapping) or (len(keys) == 3 and "w" in node):
         return None
     return _under(node, tuple(keys))

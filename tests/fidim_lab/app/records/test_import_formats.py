@@ -86,7 +86,13 @@ def qtm_mat(swing: Swing, folder: Path) -> list[str]:
     data = np.concatenate([1e3 * swing.seen("z"), np.zeros((len(swing.t), 5, 1))], axis=2).transpose(1, 2, 0)
     data[1, :, 20:30] = np.nan
     labelled = {"Count": 5.0, "Labels": labels, "Data": data}
-    scipy.io.savemat(folder / "take.mat", {"take": {"FrameRate": 100.0, "Trajectories": {"Labeled": labelled}}})
+    none = {"Count": 0.0, "Data": np.zeros((0, 0))}
+    take = {
+        "FrameRate": 100.0,
+        "Trajectories": {"Labeled": labelled, "Unidentified": none},
+        "RigidBodies": {"Bodies": 0.0, "Name": np.empty((0, 0), dtype=object)},
+    }
+    scipy.io.savemat(folder / "take.mat", {"take": take})
     return ["qtm-mat", "take.mat"]
 
 
@@ -159,7 +165,12 @@ def mcap_points(swing: Swing, folder: Path) -> list[str]:
         channel = writer.register_channel("/markers", "json", schema)
         for t, places in zip(swing.t, swing.seen("z"), strict=True):
             points = [
-                {"name": f"m{k}", "position": dict(zip("xyz", place, strict=True))} for k, place in enumerate(places)
+                {"name": f"m{k}", "position": dict(zip("xyz", place, strict=True))}
+                if k < 3
+                else {"name": f"m{k}", "position": place.tolist()}
+                if k < 4
+                else {"name": f"m{k}", **dict(zip("xyz", place, strict=True))}
+                for k, place in enumerate(places)
             ]
             message = {"timestamp": {"sec": int(t + 5), "nsec": round((t + 5) % 1.0 * 1e9)}, "markers": points}
             writer.add_message(channel, int(t * 1e9), json.dumps(message).encode(), int(t * 1e9))
