@@ -19,6 +19,7 @@ from fidim_lab.app.records.import_readings import (
     SURVEYED,
     PoseReading,
     Track,
+    in_another_frame,
     readings_of,
     refuse_misread,
 )
@@ -279,7 +280,13 @@ def _upright(
     if chosen.varies > STRAY:
         what = f"C{shown[1:]} by the poses with {chosen.words}, and in no reading less than {best.varies * 1e3:.1f} mm"
         what = f"{what}, though the motors are locked: the motion-capture frame or the body frame is not the robot's"
-        raise RefusedError(what, hint="Correct anchors and markers in the robot file, or calibrate the capture frame.")
+        what = in_another_frame(mechanism, readings) or what
+        if asked.up is not None:  # someone knows the frame
+            return chosen, Decision((f"{chosen.words}, as requested",), (what,))
+        hint = (
+            "Correct anchors and markers in the robot file, or calibrate the capture frame. If the cables are so soft"
+        )
+        raise RefusedError(what, hint=f"{hint} that they stretch by this, say --up {chosen.up[-1]}.")
     rivals = [r for r in fitting if r.varies < CLEAR * chosen.varies and not _same(r, chosen)]
     _ask(chosen, rivals, said)
     how = "as requested" if asked.up else "as the file says" if log.up else "by the cable lengths"

@@ -18,6 +18,7 @@ from fidim_lab.arrays import Matrix3, Positions, Rotations
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import BodyTrack
 from fidim_lab.errors import FidimError, InfeasibleError, RefusedError
+from fidim_lab.identification.calibration.registration import Transform, register_world
 from fidim_lab.model.mechanism import Mechanism
 
 UPRIGHT = MappingProxyType(
@@ -41,6 +42,8 @@ SURVEYED = 1e-3
 """m, by which lengths of locked cables vary at most where a file is read as it was meant: 0.0 to 0.3 in 60 takes"""
 FAR = 5.0
 """times as much do they vary in a wrong reading, at least: a wrong axis made 4 to 10 mm of 0.1"""
+TRIED = 6
+"""readings of a take, whose frame is sought elsewhere: markers have three, a body has five"""
 FEW = 2000
 """samples are enough to see whether lengths vary"""
 PIECES = 8
@@ -143,6 +146,32 @@ def refuse_misread(mechanism: Mechanism, tracks: Sequence[Track], scale: float, 
             if fits <= SURVEYED and fits * FAR < varies:
                 what = f"Cable lengths vary by {varies * 1e3:.1f} mm by the poses as read, by {fits * 1e3:.1f} mm with"
                 raise RefusedError(f"{what} {words}", hint=hint)
+
+
+def in_another_frame(mechanism: Mechanism, readings: Sequence[PoseReading]) -> str:
+    """Turn and shift of a foreign frame in which the lengths of locked cables stay, in words; empty without one.
+
+    readings: at least one, the best first.
+    """
+    placed = [(register_world(mechanism, one.positions, one.rotations), one) for one in readings[:TRIED]]
+    enough = min(SURVEYED, readings[0].varies / FAR)
+    fitting = [(found, one) for found, one in placed if found is not None and found.rms <= enough]
+    if not fitting:
+        return ""
+    found, reading = min(fitting, key=lambda pair: np.trace(-pair[0].world.rotation))  # turned least
+    what = f"Cable lengths vary by {reading.varies * 1e3:.1f} mm by the poses with {reading.words}, by"
+    what = (
+        f"{what} {found.rms * 1e3:.1f} mm if all that was captured is then {_placed(found.world)}: the motion-capture"
+    )
+    return f"{what} frame is not the robot's"
+
+
+def _placed(by: Transform) -> str:
+    turn = Rotation.from_matrix(by.rotation).as_rotvec(degrees=True)
+    angle = float(np.linalg.norm(turn))
+    axis = ", ".join(f"{x:.2f}" for x in turn / max(angle, 1e-12))
+    shift = ", ".join(f"{1e3 * x:.0f}" for x in by.translation)
+    return f"turned by {angle:.1f}° about ({axis}) and shifted by ({shift}) mm"
 
 
 def _misreadings(track: Track, scale: float) -> Iterator[tuple[str, str, Track]]:

@@ -111,6 +111,32 @@ def register(mechanism: Mechanism, positions: Positions, rotations: Rotations) -
     return _distinct(fits)
 
 
+def register_world(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> Registration | None:
+    """The best arrangement of the motion-capture world alone: the cluster is where the robot file has it.
+
+    Six numbers, which a single window determines where it leaves the twelve of `register` open. Arguments as there.
+    None where no start leads anywhere.
+    """
+    known = np.flatnonzero(np.all(np.isfinite(positions), axis=1))
+    rows = known[_spread(len(known), START_POSES)]
+    problem = _LengthProblem(mechanism, positions[rows], rotations[rows], None)
+    stays = np.zeros(6)
+    found: list[Registration] = []
+    for start in _starts(mechanism, positions[rows])[:: len(QUARTERS)]:
+        try:
+            answer = least_squares(
+                lambda world: problem.residual(np.concatenate([world, stays])),
+                start[:6],
+                jac=lambda world: problem.jacobian(np.concatenate([world, stays]))[:, :6],
+                method="lm",
+                max_nfev=FIT_STEPS,
+            )
+        except InfeasibleError:
+            continue
+        found.append(_registration(problem, np.concatenate([answer.x, stays])))
+    return min(found, key=lambda one: one.rms, default=None)
+
+
 def refine(
     mechanism: Mechanism,
     start: Registration,
@@ -166,9 +192,13 @@ def _fit(
         answer = least_squares(problem.residual, start, jac=problem.jacobian, method="lm", max_nfev=steps)
     except InfeasibleError:
         return None
-    remaining = answer.fun.reshape(-1, mechanism.n)
-    lengths = problem.lengths(answer.x)
-    world, body = _transforms(answer.x)
+    return _registration(problem, answer.x)
+
+
+def _registration(problem: "_LengthProblem", parameters: np.ndarray) -> Registration:
+    remaining = problem.residual(parameters).reshape(-1, problem.mechanism.n)
+    lengths = problem.lengths(parameters)
+    world, body = _transforms(parameters)
     return Registration(
         world=world,
         body=body,

@@ -3,6 +3,8 @@
 import gzip
 import io
 import pickle
+import re
+import shutil
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.campaign import read_campaign
@@ -66,8 +69,11 @@ def motive(
     return joined(rows, "\r\n")
 
 
-def table(swing: Swing, form: str | None = None, *, turn: np.ndarray | None = None) -> list[str]:
-    places = 1e3 * (swing.markers if turn is None else swing.markers @ turn.T)
+def table(
+    swing: Swing, form: str | None = None, *, turn: np.ndarray | None = None, shift: np.ndarray | None = None
+) -> list[str]:
+    places = 1e3 * swing.markers - (0.0 if shift is None else shift)
+    places = places if turn is None else places @ turn.T
     began = datetime(2026, 3, 1, 9, 59, 58)
     stamps = [f"{t:.3f}" if form is None else f"{began + timedelta(seconds=float(t)):{form}}" for t in swing.t]
     return [",".join(["time", *COLUMNS]), *(f"{t},{row}" for t, row in zip(stamps, cells(places), strict=True))]
@@ -95,6 +101,8 @@ def thousands(swing: Swing, decimal: str) -> str:
 
 HEADING = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """y upwards, with the robot's x as z"""
+LEVELLED, AWAY = Rotation.from_rotvec([0.0, 0.0, 40.0], degrees=True).as_matrix(), np.array([500.0, -300.0, 200.0])
+"""of a motion capture's own frame, that is turned and shifted so into the robot's, mm"""
 OBLIQUE = np.array([[0.8, -0.48, 0.36], [0.6, 0.64, -0.48], [0.0, 0.6, 0.8]])
 DOWNWARDS = np.diag([1.0, -1.0, -1.0])
 
@@ -130,20 +138,20 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], str]] = {
     "another frame": (
         "csv",
         lambda s: joined(table(s, turn=OBLIQUE)),
-        "the motion-capture frame or the body frame is not",
+        "frame is not the robot's",
     ),
     "nothing": ("vicon-csv", lambda s: " \r\n", "is empty"),
 }
 
 
-def imported(swing: Swing, folder: Path, kind: str, data: bytes) -> tuple[int, str]:
+def imported(swing: Swing, folder: Path, kind: str, data: bytes, *options: str) -> tuple[int, str]:
     """Exit code, and all that was said."""
     write_robot(folder / "robot.toml", swing.robot)
     (folder / "take").write_bytes(data)
     (folder / "map.toml").write_text(MAP, encoding="utf-8")
     arguments = [kind, str(folder / "take"), "--robot", str(folder / "robot.toml"), "--out", str(folder / "out")]
     arguments += ["--map", str(folder / "map.toml")] if kind == "csv" else []
-    done = CliRunner().invoke(fidim, ["import", *arguments])
+    done = CliRunner().invoke(fidim, ["import", *arguments, *options])
     return done.exit_code, " ".join(f"{done.output} {done.exception or ''}".split())
 
 
@@ -165,6 +173,25 @@ def test_what_cannot_be_meant_is_refused_with_its_cause(name: str, swing: Swing,
     code, said = imported(swing, tmp_path, kind, write(swing).encode())
     assert code != 0
     assert cause in said
+
+
+def test_a_foreign_frame_is_named_and_read_by_someone_who_knows_it(swing: Swing, tmp_path: Path):
+    """Cables that stretch look like a wrong frame."""
+    assert imported(swing, tmp_path, "csv", joined(table(swing)).encode())[0] == 0
+    free = max(read_campaign(tmp_path / "out").windows, key=lambda window: len(window.t))
+    begin, end = np.rint(free.t[[0, -1]] * 100).astype(int)
+    lines = table(swing, turn=LEVELLED.T, shift=AWAY)
+    text = joined([lines[0], *lines[1:][begin:end]]).encode()
+    shutil.rmtree(tmp_path / "out")
+    code, said = imported(swing, tmp_path, "csv", text)
+    assert code == 1
+    shutil.rmtree(tmp_path / "out")
+    turn, shift = re.search(r"turned by (\S+)° about \(.*, 1.00\) and shifted by \((.*?)\) mm", said).groups()
+    assert float(turn) == pytest.approx(40.0, abs=2.0)
+    assert [float(x) for x in shift.split(",")] == pytest.approx(list(AWAY), abs=150.0)  # one window of small swings
+    code, said = imported(swing, tmp_path, "csv", joined(lines).encode(), "--up", "z")
+    assert code == 0, said
+    assert "frame is not the robot's" in said
 
 
 def packed(values: np.ndarray) -> bytes:
