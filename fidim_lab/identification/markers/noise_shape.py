@@ -11,6 +11,7 @@ from math import comb
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import median_abs_deviation
 
 from fidim_lab.arrays import Series
 from fidim_lab.identification.markers.clock_check import even_grid
@@ -23,6 +24,8 @@ FREE = 6
 """of a covariance of three coordinates"""
 BY_CHANCE = 3.0
 """standard deviations by which noise between frames must stay below the stated one to count as less"""
+FARTHEST = 5.0
+"""standard deviations of a difference, by their median: one of two million is farther by chance"""
 SURE = 5.0
 """log-evidence (BIC) for uneven noise, from which on it is believed: odds of 150"""
 
@@ -66,4 +69,10 @@ def _differences(t: Series, markers: Float[np.ndarray, "T M 3"]) -> list[Float[n
         return [np.zeros((0, 3))] * markers.shape[1]
     columns = even_grid(t).spread(markers.reshape(len(t), -1))
     every = np.diff(columns, n=ORDER, axis=0).reshape(-1, markers.shape[1], 3) / np.sqrt(comb(2 * ORDER, ORDER))
-    return [one[np.isfinite(one).all(axis=1)] for one in np.moveaxis(every, 1, 0)]
+    return [_usual(one[np.isfinite(one).all(axis=1)]) for one in np.moveaxis(every, 1, 0)]
+
+
+def _usual(differences: Float[np.ndarray, "D 3"]) -> Float[np.ndarray, "D 3"]:
+    """Without those of samples that are off: one spike would be all that is seen of the noise."""
+    usual = median_abs_deviation(differences, scale="normal") if len(differences) else np.zeros(3)
+    return differences[(np.abs(differences) <= FARTHEST * usual).all(axis=1)]

@@ -37,6 +37,14 @@ def test_the_shape_makes_the_noise_even():
         assert one @ np.diag(sd**2) @ one.T == pytest.approx(mean**2 * np.eye(3), abs=0.08 * mean**2)
 
 
+def test_samples_that_are_off_are_no_noise():
+    random = np.random.default_rng(3)
+    recordings = drawn(np.full((1, 3), 1e-4), 6, 2)
+    for _, markers in recordings:
+        markers[random.integers(len(T), size=5), 0, 2] += 0.02
+    assert noise_shape(recordings, 1e-4) is None
+
+
 def test_what_is_stated_beyond_it_is_of_no_known_direction():
     """Errors slower than frames are not seen, and larger than those that are: little is known of directions."""
     assert noise_shape(drawn(0.2 * UNEVEN, 6, 1), 2e-4) is None
