@@ -65,7 +65,7 @@ def run(numbers: Sequence[int], seed: int) -> list[Row]:
             result = identify_posed(PosedCampaign(made))
             given = result.parameters.values()
             ratios = np.array([(p.value - t) / p.sd if p.seen else np.nan for p, t in zip(given, truth, strict=True)])
-            says = "" if result.outcome.good else result.message[:200]
+            says = "" if result.outcome.good else result.answer.message[:200]
         except FidimError as refusal:
             says = str(refusal)[:200]
         rows.append(Row(stated, ratios))

@@ -13,8 +13,8 @@ from benchmarks.identification.campaigns import Known, simulated
 from benchmarks.page import write_section
 from fidim_lab.data.records import Body, Role
 from fidim_lab.errors import FidimError
-from fidim_lab.identification.mle.findings import SURPRISE
 from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.judge import SURPRISE
 from fidim_lab.model.mechanism import Mechanism
 
 TITLE = "Starts ±40 % off"

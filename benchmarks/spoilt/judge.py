@@ -52,7 +52,7 @@ def judge(kind: Kind, second: Kind | None, number: int, campaign: Campaign, trut
         try:
             write_campaign(path, campaign)
             result = run_identify(path)
-            said = " ".join((result.message, *result.warnings))
+            said = " ".join((result.answer.message, *result.warnings))
             worst, answers = largest_error(result, truth), result.outcome.answers and not result.fallback
         except FidimError as refusal:
             said, answers = str(refusal), False

@@ -241,7 +241,7 @@ def test_a_drive_of_another_make_gets_no_power(rehearsal, monkeypatch, wanted, s
     configs = simulated._winch_configs
 
     def strict(*what):
-        return tuple(replace(c, **wanted) if c.node_id == 2 else c for c in configs(*what))
+        return tuple(c.model_copy(update=wanted) if c.node_id == 2 else c for c in configs(*what))
 
     monkeypatch.setattr(simulated, "_winch_configs", strict)
     rehearsal.at("", lambda stage: stage.drive(2).faults.claim_identity(vendor=0x99, product=0x77))
