@@ -60,6 +60,10 @@ class ResidualThresholds:
     # whiteness
     whiteness_edges: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, 6.0, 10.0)
     """Hz, of the bands; above the last one is noise alone"""
+    whiteness_narrow: float = 0.5
+    """Hz, of each of the bands above it, in which a vibration shows: five lines of 10 s"""
+    whiteness_vibrates: float = 0.02
+    """of the noise's variance that a vibration must have: steps of integration leave ripples of 0.005"""
     whiteness_white: float = 1e-3
     """p-value from which on a remainder is called white"""
     fewest_reference: int = 100

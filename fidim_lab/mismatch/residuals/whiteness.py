@@ -2,10 +2,10 @@
 
 The global χ²/dof cannot see 300 of 54 000. Structure of a mechanism lies at low frequencies, in few windows or in a
 line, so χ² is looked at by octave bands, over all windows and in each, and line by line; each against the noise level
-above `whiteness_reference` Hz, which no rigid motion reaches (a wrong declared noise does not matter). Lines are looked
-for there, too: cameras that shake are no noise. The p-value counts all these tests (Bonferroni). The windows' own
-fitted unknowns take energy out of the low bands: exactly accounted for where their derivatives are given, else ignored,
-which makes the test conservative.
+above `whiteness_reference` Hz, which no rigid motion reaches (a wrong declared noise does not matter). What all windows
+together have in a narrow band there is no noise either: cameras shake. The p-value counts all these tests (Bonferroni).
+The windows' own fitted unknowns take energy out of the low bands: exactly accounted for where their derivatives are
+given, else ignored, which makes the test conservative.
 """
 
 from collections.abc import Sequence
@@ -101,11 +101,14 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
         )
     level, reference = _noise_level(spectra)
     found = np.array([[_band(s, low, high) for low, high in _bands()] for s in spectra])  # W, B, (χ², dof)
-    total = found.sum(axis=0)
+    total, narrow = found.sum(axis=0), _narrow_bands(spectra)
+    fast = np.array([[_band(s, low, high) for low, high in narrow] for s in spectra]).sum(axis=0)
+    vibrates = fast[:, 0] / level - fast[:, 1] > RESIDUALS.whiteness_vibrates * reference
     tests = [
         (*_bonferroni(_tail(total, level, reference)), "bands"),
         (*_bonferroni(_tail(found.reshape(-1, 2), level, reference)), "windows"),
         (*_line(spectra, level), "lines"),
+        (*_bonferroni(np.where(vibrates, _tail(fast, level, reference), 1.0)), "fast"),
     ]
     p, place, kind = min(tests, key=lambda test: test[0])
     p = min(1.0, len(tests) * p)
@@ -116,10 +119,20 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
     elif kind == "windows":
         band, ratio = bands[place % len(bands)], _ratio(found.reshape(-1, 2)[place], level)
         window = ids[place // len(bands)]
+    elif kind == "fast":
+        band, ratio = narrow[place], _ratio(fast[place], level)
     else:
         window, band, ratio = _line_at(spectra, ids, place, level)
     excess = float((found[..., 0] - level * found[..., 1]).sum())
     return Whiteness(ratio, p, band, window, excess, float(np.sqrt(level)), _words(p, ratio, band, window, excess))
+
+
+def _narrow_bands(spectra: Sequence[Spectrum]) -> list[tuple[float, float]]:
+    """Hz, of what is faster than the platform swings, as far as every window shows it; one at least."""
+    first, width = RESIDUALS.whiteness_edges[-1], RESIDUALS.whiteness_narrow
+    last = min(float(s.frequencies[-1]) for s in spectra)
+    edges = np.arange(first, max(last, first) + width, width).tolist()
+    return list(pairwise([*edges, edges[-1] + width] if len(edges) < 2 else edges))
 
 
 def _bands() -> list[tuple[float, float]]:
@@ -160,7 +173,7 @@ def _line(spectra: list[Spectrum], level: float) -> tuple[float, int]:
     heights, places, lines = [], [], 0
     for s in spectra:
         usual = s.dof > 0.5 * np.median(s.dof)
-        height = np.where(usual, s.chi2, 0.0)
+        height = np.where(usual & (s.frequencies < RESIDUALS.whiteness_edges[-1])[:, np.newaxis], s.chi2, 0.0)
         height[0] = 0.0
         places.append(int(np.argmax(height)))
         heights.append(float(height.max()))

@@ -55,7 +55,7 @@ def test_cameras_that_shake_are_told_with_their_frequency(quiet: Campaign) -> No
     found = explain(with_errors(quiet, errors))
     assert found.verdict is Verdict.UNKNOWN_PHYSICS
     assert "13.2 Hz" in found.message
-    assert "13.2 Hz" in found.next_experiment
+    assert "13.2 Hz" in found.next_experiment  # the middle of a band of 0.5 Hz
 
 
 def test_a_wand_of_another_length_is_found(quiet: Campaign) -> None:
