@@ -4,14 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.data.records import Body, Campaign, Plan, Pose, Robot
+from fidim_lab.data.records import Body, Campaign, Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Sampling, simulate_campaign
+from sim_backends.simulate import Sampling, can_rest, simulate_campaign
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +41,8 @@ def simulated(
     for attempt in range(10):
         world = make_world(robot, np.random.default_rng([seed, attempt, 0]))
         plant = Plant(world)
-
-        def works(place: np.ndarray, lengths: np.ndarray, displacement: np.ndarray, plant: Plant = plant) -> bool:
-            near = Pose(place - plant.world.markers[0], np.eye(3))
-            try:
-                plant.rest(lengths, near)
-                plant.rest(lengths, near, displacement)
-            except InfeasibleError:
-                return False
-            return True
-
-        plan: Plan = random_plan(robot, f"seed-{seed}", equilibria, validation, 100 * seed + attempt, trial=works)
+        numbers = equilibria, validation, 100 * seed + attempt
+        plan: Plan = random_plan(robot, f"seed-{seed}", *numbers, trial=can_rest(plant))
         rng = np.random.default_rng([seed, attempt, 1])
         campaign, truth = simulate_campaign(robot, plan, world, rng, noise, Sampling(), platform=plant)
         if not truth["slack"]:

@@ -64,7 +64,7 @@ def grade_surveyed(explanation: dict[str, Any] | None, label: list[str], cable: 
         return judged
     pieces = [one for one in explanation.get("effects", []) if one["id"] in SHARED[GEOMETRY] and not one["single"]]
     others = [one for one in explanation.get("effects", []) if one not in pieces]
-    moved, rest = (set(label) & set(SHARED[GEOMETRY]), [id for id in label if id not in SHARED[GEOMETRY]])
+    moved, rest = set(label) & set(SHARED[GEOMETRY]), [id for id in label if id not in SHARED[GEOMETRY]]
     if not all(pieces or _told_off(explanation, id, cable) for id in moved):
         return Marked.WRONG
     if rest:

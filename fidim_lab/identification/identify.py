@@ -8,7 +8,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.identification.cleaning.clean import clean_recordings
-from fidim_lab.identification.cleaning.free_motion import counted, were_used
+from fidim_lab.identification.cleaning.free_motion import were_used, window_count
 from fidim_lab.identification.cleaning.low_pass import low_passed
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.estimate import Estimate
@@ -201,7 +201,7 @@ def _grouped_notes(windows: tuple[WindowVerdict, ...]) -> list[str]:
         if len(ids) == 1:
             lines.append(f"Window {first}: {note}.")
         else:
-            lines.append(f"{counted(ids)} ({', '.join(ids)}), as in {first}: {note}.")
+            lines.append(f"{window_count(ids)} ({', '.join(ids)}), as in {first}: {note}.")
     return lines
 
 

@@ -24,6 +24,7 @@ from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed
 from fidim_lab.identification.cleaning.resting import resting
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.regressor import parameter_vector
+from fidim_lab.say import counted
 
 PART = ", part "
 """what the id of all but a window's first part goes on with"""
@@ -130,17 +131,17 @@ def parts(window: Window, cuts: Sequence[tuple[float, float]], shortest: float) 
     return found
 
 
-def counted(ids: Iterable[str]) -> str:
+def window_count(ids: Iterable[str]) -> str:
     """The number of windows, as text: parts of one window count as one, and their number is given too."""
     parts = list(ids)
     count = len({whole_id(one) for one in parts})
-    windows = "1 window" if count == 1 else f"{count} windows"
+    windows = counted(count, "window")
     return windows if len(parts) == count else f"{windows} (in {len(parts)} parts)"
 
 
 def were_used(ids: Iterable[str]) -> str:
     """The same, as a clause."""
-    count = counted(ids)
+    count = window_count(ids)
     return f"{count} {'was' if count.startswith('1 ') else 'were'} used"
 
 

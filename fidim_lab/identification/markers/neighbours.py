@@ -104,14 +104,20 @@ def noise_of(columns: Float[np.ndarray, "N K"]) -> Float[np.ndarray, " K"]:
     return np.where(eighth < MARKERS.much_less * fourth, eighth, fourth)
 
 
+def differences(columns: Float[np.ndarray, "N K"], order: int) -> Float[np.ndarray, "D K"]:
+    """Differences of an order along the columns, as large as white noise on them."""
+    return np.diff(columns, n=order, axis=0) / np.sqrt(comb(2 * order, order))
+
+
+def robust_sd(values: Float[np.ndarray, "D K"]) -> Float[np.ndarray, " K"]:
+    """Standard deviation of each column about 0, by the median: of at least one value each, NaN left out."""
+    return np.nanmedian(np.abs(values), axis=0) / MARKERS.neighbours_mad
+
+
 def _by_differences(columns: Float[np.ndarray, "N K"], order: int) -> Float[np.ndarray, " K"]:
-    differences = np.diff(columns, n=order, axis=0)
+    found = differences(columns, order)
     out = np.full(columns.shape[1], np.nan)
-    usable = np.isfinite(differences).sum(axis=0) >= 20
+    usable = np.isfinite(found).sum(axis=0) >= 20
     if usable.any():
-        out[usable] = (
-            np.nanmedian(np.abs(differences[:, usable]), axis=0)
-            / MARKERS.neighbours_mad
-            / np.sqrt(comb(2 * order, order))
-        )
+        out[usable] = robust_sd(found[:, usable])
     return out

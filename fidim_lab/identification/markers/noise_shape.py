@@ -11,10 +11,10 @@ from math import comb
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import median_abs_deviation
 
 from fidim_lab.arrays import Series
 from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.markers.neighbours import differences, robust_sd
 
 ORDER = 8
 """of the differences"""
@@ -41,9 +41,9 @@ def noise_shape(
     most = max((markers.shape[1] for _, markers in recordings), default=0)
     sums, counts = np.zeros((most, 3, 3)), np.zeros(most)
     for t, markers in recordings:
-        for m, differences in enumerate(_differences(t, markers)):
-            sums[m] += differences.T @ differences
-            counts[m] += len(differences)
+        for m, found in enumerate(_differences(t, markers)):
+            sums[m] += found.T @ found
+            counts[m] += len(found)
     if not (counts * INDEPENDENT > FREE).all():
         return None
     seen = sums / counts[:, np.newaxis, np.newaxis]
@@ -68,11 +68,10 @@ def _differences(t: Series, markers: Float[np.ndarray, "T M 3"]) -> list[Float[n
     if len(t) <= ORDER:
         return [np.zeros((0, 3))] * markers.shape[1]
     columns = even_grid(t).spread(markers.reshape(len(t), -1))
-    every = np.diff(columns, n=ORDER, axis=0).reshape(-1, markers.shape[1], 3) / np.sqrt(comb(2 * ORDER, ORDER))
+    every = differences(columns, ORDER).reshape(-1, markers.shape[1], 3)
     return [_usual(one[np.isfinite(one).all(axis=1)]) for one in np.moveaxis(every, 1, 0)]
 
 
-def _usual(differences: Float[np.ndarray, "D 3"]) -> Float[np.ndarray, "D 3"]:
-    """Without those of samples that are off: one spike would be all that is seen of the noise."""
-    usual = median_abs_deviation(differences, scale="normal") if len(differences) else np.zeros(3)
-    return differences[(np.abs(differences) <= FARTHEST * usual).all(axis=1)]
+def _usual(found: Float[np.ndarray, "D 3"]) -> Float[np.ndarray, "D 3"]:
+    """Without the differences of samples that are off: one spike would be all that is seen of the noise."""
+    return found[(np.abs(found) <= FARTHEST * robust_sd(found)).all(axis=1)] if len(found) else found

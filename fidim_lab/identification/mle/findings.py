@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
-from fidim_lab.identification.cleaning.free_motion import counted, were_used
+from fidim_lab.identification.cleaning.free_motion import were_used, window_count
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.mle.dissipated import lost_energy
@@ -277,7 +277,8 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
         if left.whiteness is not None and left.whiteness > COLOURED
     }
     if coloured:
-        said.append(f"The residual is not white (white: 1) in {counted(coloured)}: {', '.join(coloured.values())}.")
+        where = window_count(coloured)
+        said.append(f"The residual is not white (white: 1) in {where}: {', '.join(coloured.values())}.")
     worst = 2 * max(1.0, found.chi2_per_dof)
     bad = [w.id for w in windows if w.role is Role.VALIDATE and (w.chi2_per_dof or 0.0) > worst]
     if bad:

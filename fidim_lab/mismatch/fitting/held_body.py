@@ -56,8 +56,7 @@ def _prepared(found: Fit, windows: Sequence[Window]) -> tuple[Likelihood, Point,
     if len(known) < len(guesses):
         return None
     likelihood = likelihood_of(mechanism, found.values, recordings, known, mechanism.robot.sensors)
-    likelihood = replace(
-        likelihood, **{name: getattr(found.likelihood, name) for name in ("noise", "resolution", "shape")}
-    )
+    known_of = found.likelihood
+    likelihood = replace(likelihood, noise=known_of.noise, resolution=known_of.resolution, shape=known_of.shape)
     prior = Prior(mean=found.values, sd=np.full(len(found.values), np.inf))
     return likelihood, Point(found.values, likelihood.guesses), prior, np.zeros(len(found.values), dtype=bool)

@@ -11,6 +11,7 @@ given, else ignored, which makes the test conservative.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import ceil
 
 import numpy as np
 from jaxtyping import Float
@@ -131,8 +132,8 @@ def _narrow_bands(spectra: Sequence[Spectrum]) -> list[tuple[float, float]]:
     """Hz, of what is faster than the platform swings, as far as every window shows it; one at least."""
     first, width = RESIDUALS.whiteness_edges[-1], RESIDUALS.whiteness_narrow
     last = min(float(s.frequencies[-1]) for s in spectra)
-    edges = np.arange(first, max(last, first) + width, width).tolist()
-    return list(pairwise([*edges, edges[-1] + width] if len(edges) < 2 else edges))
+    count = max(1, ceil((last - first) / width))
+    return list(pairwise((first + width * np.arange(count + 1)).tolist()))
 
 
 def _bands() -> list[tuple[float, float]]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fidim_lab.identification.cleaning.free_motion import counted, were_used
+from fidim_lab.identification.cleaning.free_motion import were_used, window_count
 
 
 @pytest.mark.parametrize(
@@ -16,7 +16,7 @@ from fidim_lab.identification.cleaning.free_motion import counted, were_used
     ],
 )
 def test_parts_of_a_window_count_once(ids: list[str], says: str) -> None:
-    assert counted(ids) == says
+    assert window_count(ids) == says
 
 
 def test_one_window_was_used_and_two_were() -> None:
