@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
-from fidim_lab.app.records.import_poses import CLEAR
-from fidim_lab.app.records.import_readings import SURVEYED
+from fidim_lab.app.records.import_readings import CLEAR, SURVEYED
 
 AGREES = 5e-3
 """m, to which lengths of a log and of the poses agree in the right order: zeros differ from take to take by less"""

@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from fidim_lab.app.records.import_readings import (
+    CLEAR,
     FAR,
     OTHER_AXES,
     SURVEYED,
@@ -45,8 +46,6 @@ SOLVED = 5e-6
 """m, noise under which markers were computed, not measured: cameras leave 20 µm or more, rounding to 10 µm leaves 3"""
 FEWEST_MEASURED = 3
 """markers stand for a pose whether measured or computed; more tell something more only if measured"""
-CLEAR = 2.0
-"""times as much must they vary in another way to read the file, or it is asked for"""
 
 
 class MirroredError(RefusedError):
@@ -144,6 +143,8 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
         )
     t, even = _even(log, mended.markers)
     _refuse_mirrored(even, body)
+    even, framed = _in_robots_frame(mechanism, log, even)
+    said = (*said, *framed)
     reading, told = _upright(mechanism, log, asked, [(None, *fit_pose(even, body)[:2])])
     turned = even @ reading.turn.T
     positions, rotations, rms = fit_pose(turned, body)
@@ -153,6 +154,28 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     return PosedTake(
         t, turned, positions, rotations, rms, picked, (*said, *told.decided), (*warnings, *told.warnings)
     )  # fmt: skip
+
+
+def _in_robots_frame(mechanism: Mechanism, log: MarkerLog, markers: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Markers (N, B, 3) m in the one of the file's frames in which cable lengths vary least, and which, in words.
+
+    Raises RefusedError where they vary about as little in another one.
+    """
+    ways = [(markers, "as they were recorded")]
+    ways += [(frame.points(markers), f"in frame {frame.name}") for frame in log.frames]
+    varies = [
+        min(one.varies for one in readings_of(mechanism, [(None, *fit_pose(seen, mechanism.robot.markers)[:2])]))
+        for seen, _ in ways
+    ]
+    best = int(np.argmin(varies))
+    if len(ways) == 1 or varies[best] > STRAY:  # where none fits, `_upright` says why
+        return markers, ()
+    for (seen, words), other in zip(ways, varies, strict=True):
+        if other <= CLEAR * varies[best] and np.nanmax(np.abs(seen - ways[best][0])) > SOLVED:
+            what = f"Not distinguishable by the cable lengths: markers {ways[best][1]}, or {words}."
+            raise RefusedError(what, hint="Record the transforms of one of these frames alone.")
+    shown = f"cable lengths vary by {1e3 * varies[best]:.1f} mm so"
+    return ways[best][0], (f"markers {ways[best][1]}: {shown}, by {1e3 * max(varies):.1f} mm in another frame",)
 
 
 def _refuse_mirrored(markers: np.ndarray, body: np.ndarray) -> None:
@@ -280,13 +303,13 @@ def _upright(
     if chosen.varies > STRAY:
         what = f"C{shown[1:]} by the poses with {chosen.words}, and in no reading less than {best.varies * 1e3:.1f} mm"
         what = f"{what}, though the motors are locked: the motion-capture frame or the body frame is not the robot's"
-        what = in_another_frame(mechanism, readings) or what
+        other_frame, hint = in_another_frame(mechanism, readings)
+        what = other_frame or what
         if asked.up is not None:  # someone knows the frame
             return chosen, Decision((f"{chosen.words}, as requested",), (what,))
-        hint = (
-            "Correct anchors and markers in the robot file, or calibrate the capture frame. If the cables are so soft"
-        )
-        raise RefusedError(what, hint=f"{hint} that they stretch by this, say --up {chosen.up[-1]}.")
+        hint = hint or "Correct anchors and markers in the robot file, or calibrate the capture frame."
+        soft = f"If the cables are so soft that they stretch by this, say --up {chosen.up[-1]}."
+        raise RefusedError(what, hint=f"{hint} {soft}")
     rivals = [r for r in fitting if r.varies < CLEAR * chosen.varies and not _same(r, chosen)]
     _ask(chosen, rivals, said)
     how = "as requested" if asked.up else "as the file says" if log.up else "by the cable lengths"

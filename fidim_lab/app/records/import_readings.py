@@ -18,7 +18,7 @@ from fidim_lab.arrays import Matrix3, Positions, Rotations
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import BodyTrack
 from fidim_lab.errors import FidimError, InfeasibleError, RefusedError
-from fidim_lab.identification.calibration.registration import Transform, register_world
+from fidim_lab.identification.calibration.registration import Registration, Transform, register_frame
 from fidim_lab.model.mechanism import Mechanism
 
 UPRIGHT = MappingProxyType(
@@ -42,6 +42,9 @@ SURVEYED = 1e-3
 """m, by which lengths of locked cables vary at most where a file is read as it was meant: 0.0 to 0.3 in 60 takes"""
 FAR = 5.0
 """times as much do they vary in a wrong reading, at least: a wrong axis made 4 to 10 mm of 0.1"""
+CLEAR = 2.0
+"""times as much must they vary in another way to read the file, or it is asked for. A foreign frame of the capture was
+taken for one of the body, or the other way round, with 2.1 to 110 times as much in 36 takes of 4, 3 and 2 cables"""
 TRIED = 6
 """readings of a take, whose frame is sought elsewhere: markers have three, a body has five"""
 FEW = 2000
@@ -148,22 +151,47 @@ def refuse_misread(mechanism: Mechanism, tracks: Sequence[Track], scale: float, 
                 raise RefusedError(f"{what} {words}", hint=hint)
 
 
-def in_another_frame(mechanism: Mechanism, readings: Sequence[PoseReading]) -> str:
-    """Turn and shift of a foreign frame in which the lengths of locked cables stay, in words; empty without one.
+def in_another_frame(mechanism: Mechanism, readings: Sequence[PoseReading]) -> tuple[str, str]:
+    """Turn and shift of a foreign frame in which the lengths of locked cables stay, in words, and what to do about it.
+
+    Either the capture's frame is not the robot's, or the body's (or that of its markers) is not the robot file's; both
+    where they cannot be told apart. Empty where neither is enough.
 
     readings: at least one, the best first.
     """
-    placed = [(register_world(mechanism, one.positions, one.rotations), one) for one in readings[:TRIED]]
+    ways = [(body, one) for one in readings[:TRIED] for body in (False, True)]
+    fits = [(register_frame(mechanism, one.positions, one.rotations, body=body), body, one) for body, one in ways]
     enough = min(SURVEYED, readings[0].varies / FAR)
-    fitting = [(found, one) for found, one in placed if found is not None and found.rms <= enough]
-    if not fitting:
-        return ""
-    found, reading = min(fitting, key=lambda pair: np.trace(-pair[0].world.rotation))  # turned least
-    what = f"Cable lengths vary by {reading.varies * 1e3:.1f} mm by the poses with {reading.words}, by"
-    what = (
-        f"{what} {found.rms * 1e3:.1f} mm if all that was captured is then {_placed(found.world)}: the motion-capture"
-    )
-    return f"{what} frame is not the robot's"
+    best = min((found.rms for found, _, _ in fits if found is not None), default=np.inf)
+    told: list[str] = []
+    hints: list[str] = []
+    for of_body in (False, True):
+        fitting = [(f, one) for f, body, one in fits if f is not None and body is of_body and f.rms <= CLEAR * best]
+        if best > enough or not fitting:
+            continue
+        found, reading = min(fitting, key=lambda fit: _angle(fit[0].body if of_body else fit[0].world))  # turned least
+        words, hint = _foreign(found, reading, of_body=of_body)
+        shown = f"Cable lengths vary by {reading.varies * 1e3:.1f} mm by the poses with {reading.words}"
+        told.append(f"{shown}, by {found.rms * 1e3:.1f} mm if {words}")
+        hints.append(hint)
+    return "; or: ".join(told), " Or: ".join(hints)
+
+
+def _foreign(found: Registration, reading: PoseReading, *, of_body: bool) -> tuple[str, str]:
+    """Which frame is another one, and what to do about it."""
+    if not of_body:
+        words = f"all that was captured is then {_placed(found.world)}: the motion-capture frame is not the robot's"
+        return words, "Correct anchors and markers in the robot file, or calibrate the capture frame."
+    if reading.body is None:
+        words = f"the robot file's markers are {_placed(found.body)} on the body: they are not in its body frame"
+        return words, "Correct the markers, or the attachments, in the robot file."
+    words = f"what the rigid body calls its own is {_placed(found.body)} in the robot file's body frame: its origin or"
+    hint = "Set origin and axes of the rigid body so in the capture program, or export its markers."
+    return f"{words} axes are not those of the robot file (capture programs put the origin amid the markers)", hint
+
+
+def _angle(by: Transform) -> float:
+    return float(Rotation.from_matrix(by.rotation).magnitude())
 
 
 def _placed(by: Transform) -> str:

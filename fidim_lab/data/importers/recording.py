@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.arrays import CableSeries, Positions, Rotations, Series
+from fidim_lab.arrays import CableSeries, Matrix3, Positions, Rotations, Series, Vector3
 from fidim_lab.data.records import Robot
 
 
@@ -24,6 +24,21 @@ class BodyTrack:
     """(N, 3, 3) body → world"""
     read_as: str = ""
     """in which of several ways its rotations are read, where the file does not say it: other tracks have its name"""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedFrame:
+    """A frame that stands still, in which the markers' own one is placed: they may be meant in it as well."""
+
+    name: str
+    rotation: Matrix3
+    """markers' own frame → this one"""
+    translation: Vector3
+    """m"""
+
+    def points(self, places: np.ndarray) -> np.ndarray:
+        """(…, 3) m, in this frame."""
+        return places @ self.rotation.T + self.translation
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +66,8 @@ class MarkerLog:
     """whether the file says its unit of length; otherwise positions are in that unit, as if it were m"""
     began: float | None = None
     """s since 1970 of the first frame, where the file says it"""
+    frames: tuple[PlacedFrame, ...] = ()
+    """still frames in which that of the markers is placed by the file"""
     rate_doubt: str = ""
     """why the rate has to be asked for, a sentence; empty where the file says one"""
 

@@ -7,7 +7,7 @@ nothing, those of the recording. Every mistake is a FileError with file and topi
 import fnmatch
 import sqlite3
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,13 @@ from fidim_lab.data.files.mcap_file import read_mcap
 from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES
 from fidim_lab.data.importers.reading.clock import even_times
 from fidim_lab.data.importers.reading.decoding import LONGEST_MESSAGE, MessageDecoder
+from fidim_lab.data.importers.reading.frames import (
+    FrameTrack,
+    in_each_frame,
+    in_still_frame,
+    still_above,
+    without_still,
+)
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.messages import Sighting, sightings
 from fidim_lab.data.importers.reading.poses import by_quaternions
@@ -47,14 +54,22 @@ class BagMessage:
 
 
 def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
-    """Read one bag; `topics`: patterns of those to take, all of them where empty. Raises FileError, SetupError."""
+    """Read one bag. Raises FileError, SetupError.
+
+    topics: patterns of those to take, or of TOPIC/NAME for one of several things on a topic; all of them where empty.
+    """
     seen: dict[str, list[tuple[float, Sighting]]] = defaultdict(list)
-    decoder = MessageDecoder(lambda topic: not topics or any(fnmatch.fnmatchcase(topic, wanted) for wanted in topics))
+
+    def is_wanted(*names: str) -> bool:
+        return not topics or any(fnmatch.fnmatchcase(name, wanted) for name in names for wanted in topics)
+
+    decoder = MessageDecoder(lambda topic: is_wanted(topic) or any(one.startswith(f"{topic}/") for one in topics))
     try:
         for message in _messages(path, decoder):
             if message.value is not None:
                 for sighting in sightings(message.value):
-                    seen[message.topic].append((sighting.stamp or message.logged, sighting))
+                    if is_wanted(message.topic, f"{message.topic}/{sighting.name}"):
+                        seen[message.topic].append((sighting.stamp or message.logged, sighting))
     except FidimError:
         raise
     except Exception as error:  # rosbags, protobuf and sqlite3 each have errors of their own
@@ -62,7 +77,8 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
         raise FileError(path, "", what) from None
     if not seen:
         raise _nothing(path, topics, decoder)
-    return _log(path, _chosen(path, seen))
+    moving, still = without_still(seen)
+    return _log(path, _chosen(path, moving), still)
 
 
 def _nothing(path: Path, topics: Sequence[str], decoder: MessageDecoder) -> FileError:
@@ -133,14 +149,23 @@ def _definitions(connection: sqlite3.Connection) -> dict[str, tuple[str, bytes]]
 
 
 def _chosen(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> dict[str, list[tuple[float, Sighting]]]:
-    """All topics where they share their stamps; else the only one with even ones. Raises FileError naming them."""
+    """All topics where they share their stamps; else the only one with even ones, or the only such thing on a topic.
+
+    Raises FileError naming them.
+    """
+    if len(seen) == 1 and len({sighting.name for rows in seen.values() for _, sighting in rows}) == 1:
+        return seen
     if _is_even(path, [stamp for rows in seen.values() for stamp, _ in rows]):
         return seen
-    even = [topic for topic, rows in seen.items() if _is_even(path, [stamp for stamp, _ in rows])]
-    if len(seen) == 1 or len(even) == 1:
-        only = even[0] if even else next(iter(seen))
-        return {only: seen[only]}
-    found = ", ".join(f"{topic} ({len(rows)})" for topic, rows in list(seen.items())[:8])
+    parts: dict[str, list[tuple[float, Sighting]]] = {}
+    for topic, rows in seen.items():
+        whole = _is_even(path, [stamp for stamp, _ in rows])
+        for stamp, sighting in rows:
+            parts.setdefault(topic if whole else f"{topic}/{sighting.name}", []).append((stamp, sighting))
+    even = [name for name, rows in parts.items() if _is_even(path, [stamp for stamp, _ in rows])]
+    if len(even) == 1:
+        return {even[0]: parts[even[0]]}
+    found = ", ".join(f"{name} ({len(rows)})" for name, rows in list(parts.items())[:8])
     raise FileError(path, "", f"topics with their own stamps: {found[:200]}.", hint="Say which with --topic.")
 
 
@@ -153,34 +178,46 @@ def _is_even(path: Path, stamps: Iterable[float]) -> bool:
     return len(distinct) >= MIN_FRAMES
 
 
-def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> MarkerLog:
+def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]], still: Mapping[str, Sighting]) -> MarkerLog:
+    """still: frames that do not move, by their names."""
     stamps = np.unique(np.array([stamp for rows in seen.values() for stamp, _ in rows]))
     if len(stamps) < MIN_FRAMES:
         raise FileError(path, "", f"{len(stamps)} stamps; a recording has at least {MIN_FRAMES}")
     t, rate = even_times(path, stamps)
     points: dict[str, np.ndarray] = {}
     poses: dict[str, np.ndarray] = {}
+    kinds: dict[str, Sighting] = {}
     for topic, rows in seen.items():
         for stamp, sighting in rows:
-            tracks, values = (
-                (points, sighting.place)
-                if sighting.quaternion is None
-                else (poses, (*sighting.place, *sighting.quaternion))
-            )
+            tracks, values = (points, sighting.place) if sighting.quaternion is None else (poses, _seven(sighting))
             name = f"{topic}/{sighting.name}" if sighting.name and len(seen) > 1 else sighting.name or topic
             if name not in tracks:
                 if len(points) + len(poses) >= MOST_TRACKS:
                     raise FileError(path, f"topic {topic[:60]}", f"more than {MOST_TRACKS} points and poses")
                 tracks[name] = np.full((len(stamps), len(values)), np.nan)
+                kinds[name] = sighting
             tracks[name][np.searchsorted(stamps, stamp)] = values
-    positions = np.stack(list(points.values()), axis=1) if points else np.zeros((len(t), 0, 3))
+    bodies = {name: by_quaternions(path, name, track[:, :3], track[:, 3:]) for name, track in poses.items()}
+    frames = {kinds[name].child: (kinds[name].frame, body) for name, body in bodies.items() if kinds[name].child}
+    for name, sighting in still.items():
+        values = np.tile(_seven(sighting), (len(stamps), 1))
+        frames[name] = (sighting.frame, by_quaternions(path, name, values[:, :3], values[:, 3:]))
+    placed = {name: FrameTrack(parent, one.positions, one.rotations) for name, (parent, one) in frames.items()}
+    places = [in_still_frame(track, kinds[name].frame, placed) for name, track in points.items()]
+    positions = np.stack([place for place, _ in places], axis=1) if points else np.zeros((len(t), 0, 3))
+    above = still_above(places[0][1], placed) if len({frame for _, frame in places}) == 1 else ()
     labelled, positions, loose = apart(tuple(points), positions)
-    bodies = tuple(by_quaternions(path, name, track[:, :3], track[:, 3:]) for name, track in poses.items())
+    tracked = tuple(way for name, one in bodies.items() for way in in_each_frame(one, kinds[name].frame, placed))
     return MarkerLog(
-        path, labelled, rate, t, positions, 1.0, "z", _said(seen, t, rate), bodies, loose,
+        path, labelled, rate, t, positions, 1.0, "z", _said(seen, t, rate), tracked, loose,
         unit_said=all(sighting.metric for rows in seen.values() for _, sighting in rows),
-        began=float(stamps[0]) if stamps[0] > EPOCH else None,
+        began=float(stamps[0]) if stamps[0] > EPOCH else None, frames=above,
     )  # fmt: skip
+
+
+def _seven(sighting: Sighting) -> tuple[float, ...]:
+    """Place and quaternion."""
+    return (*sighting.place, *(sighting.quaternion or ()))
 
 
 def _said(seen: dict[str, list[tuple[float, Sighting]]], t: np.ndarray, rate: float) -> tuple[str, ...]:

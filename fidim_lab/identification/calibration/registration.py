@@ -111,29 +111,39 @@ def register(mechanism: Mechanism, positions: Positions, rotations: Rotations) -
     return _distinct(fits)
 
 
-def register_world(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> Registration | None:
-    """The best arrangement of the motion-capture world alone: the cluster is where the robot file has it.
+def register_frame(
+    mechanism: Mechanism, positions: Positions, rotations: Rotations, *, body: bool = False
+) -> Registration | None:
+    """The best arrangement of one frame alone: of the motion-capture world, or of the cluster on the body.
 
-    Six numbers, which a single window determines where it leaves the twelve of `register` open. Arguments as there.
-    None where no start leads anywhere.
+    Six numbers, which a single window determines where it leaves the twelve of `register` open; the other transform is
+    none. Arguments as there. None where there are fewer than `FEWEST` poses, or no start leads anywhere.
     """
     known = np.flatnonzero(np.all(np.isfinite(positions), axis=1))
+    if len(known) < FEWEST:
+        return None
     rows = known[_spread(len(known), START_POSES)]
     problem = _LengthProblem(mechanism, positions[rows], rotations[rows], None)
-    stays = np.zeros(6)
+    free = slice(6, 12) if body else slice(0, 6)
+
+    def whole(numbers: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros(6), numbers] if body else [numbers, np.zeros(6)])
+
+    turned = [np.concatenate([np.zeros(11), [yaw]]) for yaw in QUARTERS]
+    starts = turned if body else _starts(mechanism, positions[rows])[:: len(QUARTERS)]
     found: list[Registration] = []
-    for start in _starts(mechanism, positions[rows])[:: len(QUARTERS)]:
+    for start in starts:
         try:
             answer = least_squares(
-                lambda world: problem.residual(np.concatenate([world, stays])),
-                start[:6],
-                jac=lambda world: problem.jacobian(np.concatenate([world, stays]))[:, :6],
+                lambda numbers: problem.residual(whole(numbers)),
+                start[free],
+                jac=lambda numbers: problem.jacobian(whole(numbers))[:, free],
                 method="lm",
                 max_nfev=FIT_STEPS,
             )
         except InfeasibleError:
             continue
-        found.append(_registration(problem, np.concatenate([answer.x, stays])))
+        found.append(_registration(problem, whole(answer.x)))
     return min(found, key=lambda one: one.rms, default=None)
 
 

@@ -9,6 +9,7 @@
              a list
     unseen   {occluded: true} or {tracking_valid: false}
     time     stamp or timestamp {sec or seconds, nanosec, nsec or nanos} of the same level or above, or of its header
+    frame    frame_id of a header, or parent_frame_id or frame_id, of the same level or above: in which places are given
 
 So geometry_msgs, nav_msgs, tf2_msgs, sensor_msgs/PointCloud2, visualization_msgs, mocap4r2_msgs, vicon_receiver and
 Foxglove's own schemas are read alike.
@@ -31,6 +32,8 @@ NAMES = ("child_frame_id", "marker_name", "rigid_body_name", "segment_name", "na
 PAIRS = (("position", "orientation"), ("translation", "rotation"))
 POINTS = ("point", "position", "translation")
 VICON = (("x_trans", "y_trans", "z_trans"), ("x_rot", "y_rot", "z_rot", "w"))
+FRAMES = ("parent_frame_id", "frame_id")
+CHILD = "child_frame_id"
 UNSEEN = (("occluded", True), ("tracking_valid", False))
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """of sensor_msgs/PointField; Foxglove's have signed and unsigned ones exchanged"""
@@ -50,12 +53,47 @@ class Sighting:
     """x, y, z, w"""
     metric: bool = True
     """whether places are in metres by the convention of the message"""
+    frame: str = ""
+    """in which it is given; empty where the message does not say"""
+    child: str = ""
+    """the frame that it places, where the message is a transform"""
+
+
+@dataclass(frozen=True)
+class Level:
+    """What a level of a message, and those above it, say of what is below."""
+
+    owner: str = ""
+    """what levels above are called"""
+    name: str = ""
+    """alike, or the place in a list where they say nothing"""
+    stamp: float | None = None
+    frame: str = ""
+    child: str = ""
+    depth: int = 0
+
+    def below(self, node: Mapping[str, Any]) -> "Level":
+        """With what a node of the message says itself."""
+        own = _named(node)
+        owner = "/".join(filter(None, (self.owner, own)))
+        frame = _text(node.get("header"), FRAMES) or _text(node, FRAMES) or self.frame
+        child = _text(node, (CHILD,)) or self.child
+        stamp = _stamp(node) or self.stamp
+        return replace(self, owner=owner, name=owner if own else self.name, stamp=stamp, frame=frame, child=child)
+
+    def saw(
+        self, place: Sequence[float], quaternion: Sequence[float] | None = None, *, metric: bool = True
+    ) -> Sighting:
+        """Something at this level."""
+        x, y, z = place
+        turn = None if quaternion is None else (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
+        return Sighting(self.name, self.stamp, (x, y, z), turn, metric, self.frame, self.child)
 
 
 def sightings(message: Any) -> Iterator[Sighting]:
     """All that a decoded message of plain dicts, lists and numbers shows. Raises ValueError beyond `MOST`."""
     named: Counter[tuple[str, float | None]] = Counter()
-    for count, found in enumerate(_walk(message, "", "", None, 0)):
+    for count, found in enumerate(_walk(message, Level())):
         if count >= MOST:
             raise ValueError(f"a message with more than {MOST} points")
         named[found.name, found.stamp] += 1
@@ -63,39 +101,37 @@ def sightings(message: Any) -> Iterator[Sighting]:
         yield found if again == 1 else replace(found, name=f"{found.name}#{again}")
 
 
-def _walk(node: Any, owner: str, name: str, stamp: float | None, depth: int) -> Iterator[Sighting]:
-    """owner: what levels above are called; name: alike, or the place in a list where they say nothing."""
-    if depth > DEEPEST:
+def _walk(node: Any, above: Level) -> Iterator[Sighting]:
+    if above.depth > DEEPEST:
         return
+    deeper = replace(above, depth=above.depth + 1)
     if isinstance(node, list):
         for index, item in enumerate(node):
-            yield from _walk(item, owner, f"{name}/{index}" if name else str(index), stamp, depth + 1)
+            yield from _walk(item, replace(deeper, name=f"{above.name}/{index}" if above.name else str(index)))
     elif isinstance(node, Mapping) and not any(node.get(key) is value for key, value in UNSEEN):
-        stamp = _stamp(node) or stamp
-        if own := _named(node):
-            name = owner = f"{owner}/{own}" if owner else own
+        level = deeper.below(node)
         if isinstance(node.get("data"), bytes) and isinstance(node.get("fields"), list):
-            yield from _cloud(node, name, stamp)
+            yield from _cloud(node, level)
             return
         if (at := _under(node, VICON[0])) and (quaternion := _under(node, VICON[1])):
-            yield Sighting(name, stamp, at, quaternion, metric=False)  # type: ignore[arg-type]
+            yield level.saw(at, quaternion, metric=False)
             return
         for place, turn in PAIRS:
             if (at := _numbers(node.get(place), "xyz")) and (quaternion := _numbers(node.get(turn), "xyzw")):
-                yield Sighting(name, stamp, at, quaternion)  # type: ignore[arg-type]
+                yield level.saw(at, quaternion)
                 return
-        if own and (at := _numbers(node, "xyz")):
-            yield Sighting(name, stamp, at, None)  # type: ignore[arg-type]
+        if _named(node) and (at := _numbers(node, "xyz")):
+            yield level.saw(at)
             return
         for key, item in node.items():
             at = _numbers(item, "xyz") if key in POINTS else None
             if at:
-                yield Sighting(name, stamp, at, None)  # type: ignore[arg-type]
+                yield level.saw(at)
             else:
-                yield from _walk(item, owner, name, stamp, depth + 1)
+                yield from _walk(item, level)
 
 
-def _cloud(node: Mapping[str, Any], name: str, stamp: float | None) -> Iterator[Sighting]:
+def _cloud(node: Mapping[str, Any], level: Level) -> Iterator[Sighting]:
     """The points of a small cloud. Raises ValueError where its bytes are not what its fields say."""
     foxglove = "point_stride" in node
     step = int(node["point_stride" if foxglove else "point_step"])
@@ -122,7 +158,7 @@ def _cloud(node: Mapping[str, Any], name: str, stamp: float | None) -> Iterator[
     for index, one in enumerate(np.concatenate(rows)):
         own = str(int(one["id"])) if "id" in kinds else str(index)
         if np.isfinite(place := tuple(float(one[axis]) for axis in "xyz")).all():
-            yield Sighting(f"{name}/{own}" if name else own, stamp, place, None)  # type: ignore[arg-type]
+            yield replace(level, name=f"{level.name}/{own}" if level.name else own).saw(place)
 
 
 def _datatype(field: Mapping[str, Any], *, foxglove: bool) -> str:
@@ -147,6 +183,12 @@ def _named(node: Mapping[str, Any]) -> str:
         if (isinstance(value, str) and value.strip()) or (isinstance(value, int) and not isinstance(value, bool)):
             return str(value).strip()[:80]
     return ""
+
+
+def _text(node: Any, keys: Sequence[str]) -> str:
+    """The first of these keys under which a text stands; a frame's name without the slash that ROS 1 put before it."""
+    found = [node.get(key) for key in keys] if isinstance(node, Mapping) else []
+    return next((one.strip().lstrip("/")[:80] for one in found if isinstance(one, str) and one.strip()), "")
 
 
 def _stamp(node: Mapping[str, Any]) -> float | None:
