@@ -1,6 +1,7 @@
 """What a fault may break while a run goes on."""
 
 import asyncio
+import math
 import os
 import struct
 from collections.abc import Callable, Coroutine
@@ -13,28 +14,41 @@ from fidim_lab.app import compose
 from fidim_lab.data.records import Robot
 from procedures.control import Control
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.mocap.faults import During, Faults, Freeze, Jump, Occlusion
+from sim_backends.mocap.faults import During, Faults, Freeze, Jump, Occlusion, Replay
+
+
+def _itself(during: During) -> During:
+    return during
+
+
+_MAKES: dict[str, Callable[..., Any]] = {
+    "occlusions": Occlusion,
+    "freezes": Freeze,
+    "silences": _itself,
+    "strays": _itself,
+    "jumps": Jump,
+    "replays": Replay,
+}
 
 
 class MocapFaults:
     """Adds faults to a stream while it runs."""
 
     def __init__(self, faults: Faults | None) -> None:
-        self._added: dict[str, list[Any]] = {"occlusions": [], "freezes": [], "silences": [], "strays": [], "jumps": []}
+        self._added: dict[str, list[Any]] = {kind: [] for kind in _MAKES}
         self.faults = replace(faults or Faults(), **self._added)
         self.now: Callable[[], float] = lambda: 0.0
         self.begin = 0.0
 
     def add(self, kind: str, seconds: float, *more: Any) -> None:
-        """From now on: "occlusions", "freezes", "silences", "strays", or "jumps" with an offset."""
+        """From now on: "occlusions", "freezes", "silences", "strays", "jumps" with an offset, "replays" with a number of frames."""
         since = self.now() - self.begin - 1.0 / RATE  # a stream begins one period after its server
         during = During(since, since + seconds)
-        makes = {"occlusions": Occlusion, "freezes": Freeze, "silences": _itself, "strays": _itself, "jumps": Jump}
-        self._added[kind].append(makes[kind](during, *more))
+        self._added[kind].append(_MAKES[kind](during, *more))
 
 
-def _itself(during: During) -> During:
-    return during
+FAR = 1.0
+"""m of cable: farther than a drum turns until it is stopped"""
 
 
 @dataclass
@@ -113,7 +127,12 @@ class Stage:
         self._arrives(0x600 + cable, struct.pack("<BHBbxxx", 0x2F, index, 0, value), unseen=True)
 
     def spin(self, cable: int, speed: float, *, unseen: bool = False) -> None:
-        """A vendor's tool turns a drum in profile velocity mode, m/s of cable."""
+        """Another program turns a drum as far as it goes, m/s of cable, in the mode that the drive has."""
+        self.write_sdo(cable, 0x6081, abs(self.counts(cable, speed)), unseen=unseen)
+        self.send_to(cable, math.copysign(FAR, speed), unseen=unseen)
+
+    def spin_in_velocity_mode(self, cable: int, speed: float, *, unseen: bool = False) -> None:
+        """As `spin`, in profile velocity mode, as a vendor's tool does it."""
         self.write_sdo(cable, 0x60FF, self.counts(cable, speed), unseen=unseen)
         self.write_pdo(cable, unseen=unseen, controlword=0x0F, mode=3)
 

@@ -62,6 +62,8 @@ class WindowRecording:
     """(N, n) A"""
     counters: dict[str, int]
     """what motion capture counted meanwhile: frames received, lost, late, doubled, malformed"""
+    arrivals: np.ndarray
+    """(N,) monotonic s at which the frame of each row came"""
     further: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
     """(N,) of each column of the gauges"""
 
@@ -100,6 +102,8 @@ class Recorder:
         self._factors = tuple(newton_per_ampere or [math.nan] * len(winches))
         self._open: _Open | None = None
         self._last: WindowRecording | None = None
+        self._arrivals: dict[int, float] = {}
+        """of the frames of the window at hand, by row"""
 
     async def record(
         self, window: str, attempt: int, duration: float, progress: Callable[[float], None]
@@ -111,6 +115,7 @@ class Recorder:
         names = header(len(self._winches), self._markers, further=self._further)
         rows = Rows(self._source.rate, round(duration * self._source.rate) + 1, len(names))
         before = self._source.counters()
+        self._arrivals = {}
         self._disk.put(lambda: keep_unfinished(self._folder, window))
         files = self._open_files(window, attempt, duration)
         files.csv.add(f"{','.join(names)}\n".encode())
@@ -217,7 +222,10 @@ class Recorder:
             async for frame in frames:
                 samples = self._samples()
                 files.log.winches(self._clock.now(), samples)
-                self._add(files, names, rows, rows.take(frame, self._values(frame, samples)), frame)
+                new = rows.take(frame, self._values(frame, samples))
+                if rows.index(frame) in new:
+                    self._arrivals[rows.index(frame)] = frame.t
+                self._add(files, names, rows, new, frame)
                 if rows.complete:
                     return
         finally:
@@ -257,6 +265,7 @@ class Recorder:
             lengths=table[:, 1 + coordinates : 1 + coordinates + n],
             currents=table[:, 1 + coordinates + n : 1 + coordinates + 2 * n],
             counters=counters,
+            arrivals=np.array([self._arrivals.get(row, math.nan) for row in range(len(table))]),
             further=dict(zip(self._further, table[:, 1 + coordinates + 2 * n :].T, strict=True)),
         )
 

@@ -14,6 +14,9 @@ JUMP = "largest jump of"
 FROZEN = 5
 """samples: a position repeated so often, exactly, is no measurement (a noisy sensor does not repeat itself)"""
 
+ON_TIME = 0.5
+"""s in which at least one frame comes without delay: the host's load and the network delay single ones, or tens of ms"""
+
 
 def window_measurements(
     recording: WindowRecording,
@@ -34,6 +37,12 @@ def window_measurements(
     return (
         Measurement("part of marker samples that are there", float(seen.mean()), "", low=limits.complete),
         Measurement("longest gap of the marker", _longest_gap(seen) / recording.rate, "s", high=limits.longest_gap),
+        Measurement(
+            "shift of the frame numbers against this computer's clock",
+            _shift(recording.arrivals, recording.rate),
+            "s",
+            high=limits.longest_gap,
+        ),
         Measurement(
             "part of winch samples that are there",
             float(winches.sum() / max(arrived.sum(), 1)),
@@ -70,6 +79,21 @@ def moving_average(values: Series, count: int) -> Series:
 
 def _longest_gap(seen: Mask) -> int:
     return max((end - begin for begin, end in runs(~seen)), default=0)
+
+
+def _shift(arrivals: Series, rate: float) -> float | None:
+    """By how much frames (N,) of later numbers come earlier or later (s) than those before: rows tell no time then.
+
+    A stream that begins to replay, or whose count goes on elsewhere, has rows of two times. A frame may be delayed, so
+    the least delay on each side counts.
+    """
+    delays = (arrivals - np.arange(len(arrivals)) / rate)[~np.isnan(arrivals)]
+    least = min(round(ON_TIME * rate), len(delays) // 2)
+    if not least:
+        return None
+    before = np.minimum.accumulate(delays)[least - 1 : len(delays) - least]
+    after = np.minimum.accumulate(delays[::-1])[::-1][least : len(delays) - least + 1]
+    return float(np.abs(after - before).max())
 
 
 def _largest_jump(markers: np.ndarray, seen: Mask, allowed: float) -> Measurement:

@@ -44,6 +44,15 @@ class Freeze:
     marker: int = 0
 
 
+@dataclass(frozen=True)
+class Replay:
+    """The server repeats what it sent before, numbers and all."""
+
+    during: During
+    frames: int
+    """by how many it is behind"""
+
+
 STRAY_COUNT = 500_000
 """frames by which another session's count is off"""
 STRAY_PLACE = 0.3
@@ -59,6 +68,7 @@ class Faults:
     freezes: tuple[Freeze, ...] = ()
     silences: tuple[During, ...] = ()
     """the server counts on, but sends nothing"""
+    replays: tuple[Replay, ...] = ()
     strays: tuple[During, ...] = ()
     """a server left over from an earlier session sends as well: its own count, the marker where it was then"""
     lost: float = 0.0

@@ -20,6 +20,8 @@ from sim_backends.drive.axis.machine import State
 
 RUN_ON = 0.010
 """m of one cable against another within which a guard must have ended it"""
+DISOBEYED, BY_WATCHDOG = 0.015, 0.050
+"""m at 0.05 m/s: until a quick stop is seen to be ignored and a halt is sent; until the drive misses its host"""
 DEAF = "cut the power by hand"
 FLICKERS = bytes((0, 0, 0x07))
 """of the first TPDO: the lowest bits of the position"""
@@ -201,7 +203,8 @@ CASES = {
         0.5,
         lambda s: (setattr(s.drive(2).defects, "quick_stop_ignored", True), s.spin(2, 0.05, unseen=True)),
         "winch 2 is +3.",
-        "winch 2 did not obey the stop (is still in operation enabled",
+        "winch 2 did not obey the stop (is +3.",
+        way=DISOBEYED,
     ),
     "a stop in words alone while the drum turns": Case(
         "Ask",
@@ -209,6 +212,7 @@ CASES = {
         lambda s: (setattr(s.drive(2).defects, "stops_in_words", True), s.spin(2, 0.05, unseen=True)),
         "winch 2 is +3.",
         "winch 2 did not obey the stop",
+        way=BY_WATCHDOG,
     ),
     "all power gone, and a brake that slips": Case(
         "Ask", 0.5, power_gone, "all 4 winches report a fault: emergency 0x5441", "winch 2 did not obey the stop"

@@ -48,6 +48,8 @@ class Drive:
         self._order = 0
         self._sent_at = float("-inf")
         self._halted = False
+        self._displayed = False
+        """whether it has displayed the mode that it was told last"""
 
     @property
     def order(self) -> int:
@@ -79,10 +81,15 @@ class Drive:
         """The fault in words; empty without one."""
         found = self.link.fault(self._clock.now())
         values = self.link.values
-        if not found and values is not None and state_of(values.statusword) in _FAULTED:
+        if found or values is None:
+            return found
+        state = state_of(values.statusword)
+        if state in _FAULTED:
             last = next((e for e in reversed(self.link.emergencies) if not e.cleared), None)
             return f"the drive is in fault; its last message was {last}" if last else "the drive is in fault"
-        return found
+        if state is DriveState.OPERATION_ENABLED and self._displayed and values.mode != self.link.mode:
+            return f"it has changed to {mode_name(values.mode)}, {mode_name(self.link.mode)} was commanded"
+        return ""
 
     def believed(self) -> DriveValues:
         """The newest values. Raises DeviceError where the drive is not configured or they are too old."""
@@ -113,6 +120,7 @@ class Drive:
         Raises DeviceError.
         """
         goal = DriveState.OPERATION_ENABLED
+        self._displayed = False
         for _ in range(_LONGEST_WALK):
             state = state_of(self.healthy().statusword)
             if state is goal:
@@ -196,6 +204,7 @@ class Drive:
     async def choose(self, order: int, word: int, mode: Mode) -> None:
         """Ask for a mode, with a controlword, and wait until it is displayed. Raises DeviceError."""
         before, self.link.mode = self.link.mode, mode
+        self._displayed = False
         try:
             if not self.link.layout.asks(Mappable.MODE.name):
                 await self.link.sdo.write(0x6060, 0, mode)
@@ -214,6 +223,7 @@ class Drive:
                 await self._clock.sleep(self._period)
                 self.link.decoder.displayed = await self.link.sdo.read(0x6061)
         await self._expect(order, lambda v: v.mode == mode, f"{mode_name(mode)} displayed (6061)", timeout=timeout)
+        self._displayed = True
 
     async def word(
         self, order: int, fulfilled: Callable[[int], bool], what: str, timeout: float | None = None

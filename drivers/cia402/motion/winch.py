@@ -4,6 +4,8 @@ Cable lengths and sentences outside, encoder counts and controlwords inside. Sto
 overtake whatever is in progress: a move that was waiting ends with an error and sends nothing more.
 """
 
+import contextlib
+
 from drivers.cia402.bring_up.bringup import bring_up, forgotten
 from drivers.cia402.bring_up.takeover import take_over
 from drivers.cia402.bring_up.zero import Zeroed, read_zero
@@ -17,14 +19,14 @@ from drivers.cia402.profile.last_motion import LastMotion
 from drivers.cia402.profile.machine import Command, state_of
 from drivers.cia402.profile.scale import LengthScale
 from drivers.cia402.profile.signals import INPUTS, STO_HINT, STO_SAYS
-from drivers.cia402.profile.words import controlword
+from drivers.cia402.profile.words import Mode, controlword
 from drivers.cia402.watch.health import HealthPoll
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.nmt import NmtCommand
 from drivers.ports import Clock, DriveState, WinchSample
 from drivers.trajectory import Trajectory
-from fidim_lab.errors import DeviceError
+from fidim_lab.errors import BusError, DeviceError
 
 _TRAVEL = 2e-3
 """m of cable that a winch must go one way for friction to have turned"""
@@ -188,8 +190,15 @@ class Cia402Winch:
         quick_stop(self._drive)
 
     def force_stop(self) -> None:
-        """NMT stop, at which the drive does what 6007 says: one frame, never waits."""
-        self._drive.begin()
+        """NMT stop, at which the drive does what 6007 says: one frame, never waits.
+
+        Where it is still enabled, a halt comes before: what 6007 says is the quick stop that it has not obeyed.
+        """
+        order, values = self._drive.begin(), self.link.values
+        enabled = values is not None and state_of(values.statusword) is DriveState.OPERATION_ENABLED
+        if enabled and self.link.mode is not Mode.PROFILE_TORQUE:  # where a halt takes the torque away
+            with contextlib.suppress(BusError):
+                self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
         self._forced = True
         self.link.send_nmt(NmtCommand.STOP)
 

@@ -1,4 +1,5 @@
-"""What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
+"""What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD), and its
+mode (6061) where no PDO carries it.
 
 Asked by SDO twice a second, its encoder (6064) ten times. A drive that sends samples and answers no question does not
 hear: the next stop may not reach it, and nobody would know before it is needed. One whose samples stay where they are
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 from drivers.cia402.profile.scale import LengthScale, wrap32
 from drivers.cia402.profile.signals import INPUTS
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.wire.pdo import Mappable
 from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.ports import Clock
 from fidim_lab.data.rigs.rig_winch_tables import Signal, TemperatureObject
@@ -21,6 +23,7 @@ from fidim_lab.errors import DeviceError
 
 FOLLOWING_ERROR = 0x60F4
 POSITION = 0x6064
+MODE_DISPLAY = 0x6061
 PERIOD = 0.5
 """s between two rounds"""
 COMPARED_EVERY = 0.1
@@ -127,6 +130,9 @@ class HealthPoll:
 
     async def _round(self) -> None:
         found = Health(t=self._clock.now())
+        if not self._link.layout.tells(Mappable.MODE_DISPLAY.name):
+            mode = await self._number(MODE_DISPLAY, 0)
+            self._link.decoder.displayed = self._link.decoder.displayed if mode is None else mode
         if self._follows:
             lag = await self._number(FOLLOWING_ERROR, 0)
             self._follows = lag is not None

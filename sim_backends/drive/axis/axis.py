@@ -28,6 +28,7 @@ from sim_backends.drive.objects.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST
 PROFILE_POSITION = 1
 MODES = (PROFILE_POSITION, PROFILE_VELOCITY, PROFILE_TORQUE, HOMING, CYCLIC_POSITION)
 """that this drive has; bit mode − 1 of 6502 for each"""
+_HALT = 1 << 8
 _VOLTAGE_AND_REMOTE, _TARGET_REACHED, _LIMIT, _ACKNOWLEDGE, _FOLLOWING = 0x210, 0x400, 0x800, 0x1000, 0x2000
 _POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION})
 _RAMPS = {1: 0x6084, 2: 0x6085, 5: 0x6084, 6: 0x6085}
@@ -169,12 +170,12 @@ class Axis:
             self._stop_towards(State.FAULT, self._number(0x605E, default=2), meanwhile=State.FAULT_REACTION)
 
     def abort_connection(self) -> None:
-        """The host is gone: do what 6007 says."""
+        """The host is gone: do what 6007 says. That is no controlword: a halt stays one."""
         option = self._number(0x6007, default=1)
         if option == 1:
             self.fail(HEARTBEAT_LOST)
         elif option in (2, 3):
-            self.control(0x00 if option == 2 else 0x02)
+            self.control(self._word & _HALT | (0x00 if option == 2 else 0x02))
 
     def statusword(self) -> int:
         """6041."""

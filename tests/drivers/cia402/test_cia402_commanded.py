@@ -78,12 +78,14 @@ def test_a_quick_stop_is_told_by_the_ramp_from_what_the_encoder_says(on_bench: O
     on_bench(script)
 
 
-def test_nmt_stop_is_one_frame_and_the_encoder_answers_afterwards_without_pdos(on_bench: OnBench) -> None:
+def test_nmt_stop_comes_after_a_halt_and_the_encoder_answers_afterwards_without_pdos(on_bench: OnBench) -> None:
     async def script(bench: Any) -> None:
         await bench.enabled()
         before = len(bench.bus.sent)
         bench.winch.force_stop()
-        assert bench.bus.sent[before:] == [(0x000, bytes((0x02, 3)))]
+        (halt_id, halt), stop = bench.bus.sent[before:]
+        assert (halt_id, halt[:3]) == (0x203, bytes((0x0F, 0x01, 1)))
+        assert stop == (0x000, bytes((0x02, 3)))
         seconds = bench.winch.fall_silent()
         assert seconds >= bench.winch.config.host_timeout
         begin = len(bench.bus.sent)

@@ -9,14 +9,6 @@ from drivers.canbus.transport import CanFrame
 from sim_backends.bus_faults import FrameRule
 
 
-def _turn(stage, speed):
-    """As a vendor's tool does it: profile velocity mode (m/s of cable 2, positive pays out)."""
-    drum = stage.rig.laboratory.drums[1]
-    digits = round(drum.direction * speed / drum.metres_per_count)
-    _by_its_port(stage, 0x602, struct.pack("<BHBi", 0x23, 0x60FF, 0, digits))
-    _by_its_port(stage, 0x202, struct.pack("<Hbi", 0x0F, 3, 0))
-
-
 def _by_its_port(stage, frame_id, data):
     """Drive 2's own port: nothing passes on the bus."""
     stage.drive(2).receive(CanFrame(frame_id, data, stage.now()))
@@ -144,7 +136,7 @@ def test_an_encoder_jump(rehearsal, fault):
     window="kept",
 )
 def test_a_drum_that_another_program_turns(rehearsal, fault):
-    fault.strikes(rehearsal, lambda stage: _turn(stage, 0.05))
+    fault.strikes(rehearsal, lambda stage: stage.spin(2, 0.05, unseen=True))
 
 
 @pytest.mark.fault(
@@ -156,7 +148,7 @@ def test_a_drum_that_another_program_turns(rehearsal, fault):
     window="none was open",
 )
 def test_a_winch_that_creeps(rehearsal, fault):
-    fault.strikes(rehearsal, lambda stage: _turn(stage, 0.001), step="Ask", after=0.1)
+    fault.strikes(rehearsal, lambda stage: stage.spin(2, 0.001, unseen=True), step="Ask", after=0.1)
 
 
 @pytest.mark.fault(
@@ -170,6 +162,30 @@ def test_a_winch_that_creeps(rehearsal, fault):
 def test_a_drive_that_halts_alone(rehearsal, fault):
     halt = struct.pack("<Hbi", 0x12F, 1, 0)
     fault.strikes(rehearsal, lambda stage: _by_its_port(stage, 0x202, halt), step="MoveTo", after=0.25)
+
+
+@pytest.mark.fault(
+    "drives",
+    "another program turns a drum in profile velocity mode",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 reports a fault: it has changed to profile velocity (3), profile position (1) was commanded",
+    window="kept",
+)
+def test_a_drum_that_a_vendors_tool_turns(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.spin_in_velocity_mode(2, 0.05, unseen=True))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive that holds changes to profile torque mode, where nothing holds",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 reports a fault: it has changed to profile torque (4), profile position (1) was commanded",
+    window="none was open",
+)
+def test_a_drive_that_changes_its_mode(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.write_byte(2, 0x6060, 4), step="Ask", after=0.1)
 
 
 @pytest.mark.fault(

@@ -107,3 +107,17 @@ def test_packets_of_an_old_session(rehearsal, scene, fault):
     first = ended.first_number(ended.folder / "windows" / "i01.csv")
     assert max(abs(place[0] - ended.truth[first + k][0]) for k, place in found.items()) < STRAY_PLACE / 10.0
     assert len(found) == ended.rows
+
+
+@pytest.mark.fault(
+    "motion capture",
+    "the stream falls behind by half a second, repeating the frames that it had sent",
+    reaction="the window is recorded again",
+    says="shift of the frame numbers against this computer's clock is 0.5 s",
+    window="rejected, recorded again",
+    journal="STEP_FINISHED",
+)
+def test_a_stream_that_falls_behind(rehearsal, scene, fault):
+    """Each frame has its own number still, but the winches' samples beside it are another time's."""
+    rehearsal.settings = scene.short(seconds=3.0)
+    fault.strikes(rehearsal, lambda stage: stage.mocap.add("replays", 1e3, 50), after=1.2)

@@ -30,7 +30,7 @@ def recording(*, amplitude=0.03, tension=60.0):
     place = np.column_stack([1.2 + swing, -0.2 + 0.4 * swing, np.full(1001, -0.3)]) + rng.normal(0, 1e-4, (1001, 3))
     lengths = np.full((1001, 4), 1.4)
     currents = np.full((1001, 4), tension / 34.0) + rng.normal(0, 0.05, (1001, 4))
-    return WindowRecording("i01", 1, 100.0, place[:, None, :], lengths, currents, {})
+    return WindowRecording("i01", 1, 100.0, place[:, None, :], lengths, currents, {}, 5.0 + t + rng.exponential(1e-3, 1001))
 
 
 def verdict(made):
@@ -47,7 +47,15 @@ def _lose(made, rows):
         part[rows] = np.nan
 
 
+def _shift(rows, seconds):
+    return lambda made: made.arrivals.__setitem__(rows, made.arrivals[rows] + seconds)
+
+
 CASES = {
+    "numbers that begin to lag": (_shift(slice(400, None), 0.3), Outcome.FAIL, "against this computer's clock is 0.3 s"),
+    "numbers that jump ahead": (_shift(slice(900, None), -0.3), Outcome.FAIL, "against this computer's clock is 0.3 s"),
+    "frames that the computer takes late": (_shift(slice(400, 440), 0.3), Outcome.PASS, ""),
+    "no frame at all": (lambda r: r.arrivals.fill(np.nan), Outcome.UNSET, "frame numbers"),
     "lost frames": (lambda r: _lose(r, slice(0, 1000, 20)), Outcome.FAIL, "part of marker samples"),
     "stale winch": (
         lambda r: r.lengths[600:700, 0].fill(np.nan),
