@@ -1,11 +1,13 @@
 """Drives whose PDOs cannot be mapped, or hold little: used as they are where that suffices, refused with a reason."""
 
+import asyncio
 import re
 from pathlib import Path
 
 import pytest
 
 from benchmarks.drives.bench import DriveBench, walk, winch_config
+from drivers.canbus.transport import CanFrame
 from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily
 from drivers.cia402.dictionary.fitted import by_file
 from drivers.ports import DriveState
@@ -83,6 +85,23 @@ def test_it_walks_by_what_its_pdos_carry(tmp_path, case):
     assert walked.tells_load == (case in TELLS_LOAD)
     [samples] = [line.found for line in walked.grades if line.requirement.key == "samples at each SYNC"]
     assert ("speed by the positions" in samples) == (case in TELLS_NO_SPEED)
+
+
+def test_a_mode_that_no_pdo_carries_is_asked_for_while_the_drive_works(tmp_path):
+    path = eds(tmp_path, **WALK["one of each, mapped"])
+
+    async def script() -> str:
+        async with DriveBench(winch_config(path, DriveFamily())) as bench:
+            bench.tasks.append(asyncio.ensure_future(bench.winch.watch_health()))
+            await bench.winch.configure()
+            await bench.winch.enable()
+            await bench.clock.sleep(1.0)
+            assert bench.look().fault == ""
+            bench.drive.receive(CanFrame(0x605, bytes.fromhex("2f60600003000000"), bench.clock.now()))
+            await bench.clock.sleep(0.7)
+            return bench.look().fault
+
+    assert run(script()) == "it has changed to profile velocity (3), profile position (1) was commanded"
 
 
 def test_pdos_that_stay_on_are_left_alone(tmp_path):
