@@ -15,7 +15,7 @@ FROZEN = 5
 """samples: a position repeated so often, exactly, is no measurement (a noisy sensor does not repeat itself)"""
 
 ON_TIME = 0.5
-"""s in which at least one frame comes without delay: the host's load and the network delay single ones, or tens of ms"""
+"""s in which at least one frame comes without delay: a busy host and the network delay single ones"""
 
 
 def window_measurements(
