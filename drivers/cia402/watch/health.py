@@ -1,9 +1,10 @@
 """What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
 
-And its mode (6061) where no PDO carries it. Asked by SDO twice a second, its encoder (6064) ten times. A drive that sends samples and answers no question does not
-hear: the next stop may not reach it, and nobody would know before it is needed. One whose samples stay where they are
-while its encoder, asked here, tells another place sends old ones: every guard would look at the past. One that twice
-refuses to tell its encoder leaves that unknown, and an unknown place is no place that holds.
+And its mode (6061) where no PDO carries it. Asked by SDO twice a second, its encoder (6064) ten times. A drive that
+sends samples and answers no question does not hear: the next stop may not reach it, and nobody would know before it is
+needed. One whose samples stay where they are while its encoder, asked here, tells another place sends old ones: every
+guard would look at the past. One that twice refuses to tell its encoder leaves that unknown, and an unknown place is no
+place that holds.
 
 By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. Any other
 object that the drive refuses is not asked for again; what has not been answered lately is unknown.
