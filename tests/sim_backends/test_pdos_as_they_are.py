@@ -10,14 +10,17 @@ from benchmarks.drives.bench import DriveBench, walk, winch_config
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily
 from drivers.cia402.dictionary.fitted import by_file
+from drivers.cia402.motion import pull_taut
 from drivers.ports import DriveState
 from fidim_lab.app.doctor.checks import CheckVerdict
 from fidim_lab.app.doctor.drive_doctor import check_eds
 from fidim_lab.data.eds import read_dictionary
+from fidim_lab.errors import RefusedError
 from sim_backends.jumping_loop import run
 
 PDOS = re.compile(r"^\[1[468A]0[0-9A-F](?:sub[0-9A-F]+)?\]\n(?:(?!\[).*\n?)*", re.MULTILINE)
 CONTROL, MODE, TARGET, SPEED = 0x60400010, 0x60600008, 0x607A0020, 0x60FF0020
+TORQUE = 0x60710010
 STATUS, SHOWN, PLACE, VELOCITY, LOAD = 0x60410010, 0x60610008, 0x60640020, 0x606C0020, 0x60780010
 OF_CIA_402 = {
     0x1400: [CONTROL],
@@ -44,12 +47,13 @@ def eds(
     pdos: dict[int, list[int]],
     *,
     mapping: str = "ro",
+    counted: str = "",
     cob: str = "rw",
     kind: tuple[str, int] = ("rw", 255),
     more: str = "",
     lacks: str = "",
 ) -> Path:
-    """The generic dictionary with these PDOs; access of their mapping, identifiers and transmission types."""
+    """The generic dictionary with these PDOs; access of mapping, its count, identifiers, transmission types."""
     text = PDOS.sub("", GENERIC_EDS.read_text(encoding="utf-8"))
     if lacks:
         text = re.sub(rf"^\[{lacks}\]\n(?:(?!\[).*\n?)*", "", text, flags=re.MULTILINE)
@@ -57,7 +61,7 @@ def eds(
         first = 0x180 if index >= 0x1800 else 0x200
         ids = f"$NODEID+0x{first + 0x100 * (index & 3):X}"
         text += section(index, 0, 5, "ro", 2) + section(index, 1, 7, cob, ids) + section(index, 2, 5, *kind)
-        text += section(index + 0x200, 0, 5, mapping, len(entries))
+        text += section(index + 0x200, 0, 5, counted or mapping, sum(map(bool, entries)))
         text += "".join(section(index + 0x200, n, 7, mapping, f"0x{e:X}") for n, e in enumerate(entries, start=1))
     path = folder / "drive.eds"
     path.write_text(text + more, encoding="utf-8")
@@ -71,9 +75,13 @@ WALK = {
     "with what nobody asked for": dict(pdos=OF_CIA_402 | {0x1803: [0x60FD0020, VELOCITY]}),
     "an RPDO with a place holder": dict(pdos=OF_CIA_402 | {0x1402: [CONTROL, 0x00060010, TARGET]}),
     "one of each, mapped": dict(pdos={0x1400: [0] * 3, 0x1800: [0] * 3}, mapping="rw"),
+    "a torque beside the position": dict(pdos=OF_CIA_402 | {0x1402: [CONTROL, TARGET, TORQUE]}),
+    "entries that can be written, their count that cannot": dict(
+        pdos={0x1400: [0] * 3, 0x1800: [0] * 3, 0x1801: [0] * 3}, mapping="rw", counted="ro"
+    ),
     "no 606C": dict(pdos=OF_CIA_402, lacks="606C"),
 }
-TELLS_LOAD = ("with the load", "one of each, mapped")
+TELLS_LOAD = ("with the load", "one of each, mapped", "entries that can be written, their count that cannot")
 TELLS_NO_SPEED = ("one of each, mapped", "no 606C")
 
 
@@ -85,6 +93,19 @@ def test_it_walks_by_what_its_pdos_carry(tmp_path, case):
     assert walked.tells_load == (case in TELLS_LOAD)
     [samples] = [line.found for line in walked.grades if line.requirement.key == "samples at each SYNC"]
     assert ("speed by the positions" in samples) == (case in TELLS_NO_SPEED)
+
+
+def test_slack_is_not_taken_up_where_each_controlword_brings_another_torque(tmp_path):
+    path = eds(tmp_path, OF_CIA_402 | {0x1402: [CONTROL, TARGET, TORQUE]})
+
+    async def script() -> None:
+        async with DriveBench(winch_config(path, DriveFamily())) as bench:
+            await bench.winch.configure()
+            await bench.winch.enable()
+            with pytest.raises(RefusedError, match="its fixed RPDO has the torque"):
+                await pull_taut(bench.winch, 0.5, 0.05, 0.1)
+
+    run(script())
 
 
 def test_a_mode_that_no_pdo_carries_is_asked_for_while_the_drive_works(tmp_path):

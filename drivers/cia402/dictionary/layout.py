@@ -23,6 +23,10 @@ _AT_ONCE = (254, 255)
 _LAST_DUMMY = 0x1F
 """objects below are types, and hold places in a mapping"""
 
+_ZEROED = (0x607100, 0x60B100, 0x60B200, 0x60FF00)
+"""set-points of torque and velocity and their feed-forward, index and sub-index: 0 in a fixed RPDO changes nothing in a
+position mode. Any other object (6072, 60FE, 6081) has a value to keep, which 0 would overwrite"""
+
 Registers = Mapping[tuple[int, int], Register]
 Entry = Mappable | VendorEntry
 
@@ -85,11 +89,12 @@ class _Record:
         return len(self.entries) < self.places and used + struct.calcsize(entry.code) <= FRAME
 
     def carries_all(self, chosen: Sequence[Entry]) -> bool:
-        """Whether an RPDO can be made of these entries; a fixed one may hold nothing else, which we could not fill."""
+        """Whether an RPDO can be made of these entries; a fixed one may hold nothing else, but for what may be 0."""
         if self.fixed is None:
             return len(chosen) <= self.places
         ours = {entry.mapping for entry in chosen}
-        return ours <= set(self.fixed) and all(m in ours or m >> 16 <= _LAST_DUMMY for m in self.fixed)
+        others = set(self.fixed) - ours
+        return ours <= set(self.fixed) and all(m >> 16 <= _LAST_DUMMY or m >> 8 in _ZEROED for m in others)
 
     def filled(self, entries: Sequence[Entry], transmission: int) -> PdoMap:
         """The PDO with its entries; of a fixed one those that nobody asked for have no name."""
@@ -238,7 +243,10 @@ def _kinds(kind: Register, pdo: PdoMap) -> tuple[int, ...]:
 
 
 def _mapping(registers: Registers, pdo: PdoMap) -> tuple[int, tuple[int, ...] | None]:
-    """How many entries can be mapped; or those that stand there for good, by the file."""
+    """How many entries can be mapped; or those that stand there for good, by the file.
+
+    Where only their number is read only and none is told, the file contradicts itself: the drive is asked to map.
+    """
     entries = [registers.get((pdo.mapping_index, n)) for n in range(1, FRAME + 1)]
     places = sum(takewhile(bool, map(_writable, entries)))  # one after another: those behind a gap are not reached
     if places and _writable(registers.get((pdo.mapping_index, 0))):
@@ -246,7 +254,9 @@ def _mapping(registers: Registers, pdo: PdoMap) -> tuple[int, tuple[int, ...] | 
     count = registers[pdo.mapping_index, 0].default or 0
     told = tuple(0 if entry is None else entry.default or 0 for entry in entries[:count])
     whole = all(m & 0xFF and m % 8 == 0 for m in told) and sum(m & 0xFF for m in told) <= 8 * FRAME
-    return 0, told if whole and len(told) == count else ()
+    if told and whole and len(told) == count:
+        return 0, told
+    return (places, None) if places else (0, ())
 
 
 def _predefined(cob: Register, pdo: PdoMap, node_id: int) -> bool:

@@ -6,6 +6,7 @@ from drivers.cia402.profile.words import Mode, controlword, mode_name
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError, RefusedError
 
+TORQUE = 0x6071
 SPEED_LIMIT = 0x607F
 """by which a drive in torque mode keeps a slack cable's drum from running away"""
 RUNS_AWAY = 1.5
@@ -36,7 +37,8 @@ async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float
 
     In profile torque mode: for slack before homing, and for a pretension. It holds its place afterwards, in the mode of
     its config. A cable that carries as much already is left as it is: less torque than its load would pay it out.
-    Raises RefusedError beyond the winch's current or speed, or where the drive keeps its speed limit (607F) to itself;
+    Raises RefusedError beyond the winch's current or speed, or where the drive keeps its speed limit (607F) to itself
+    or takes its torque (6071) by RPDO alone;
     DeviceError where the drum runs away or the cable is paid out, `way` (m) is not enough (then it stands in quick
     stop), or where the drive does not have the mode (6502) or does not display it (6061) in time.
     """
@@ -46,8 +48,10 @@ async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float
             f"{device} refuses to pull with {current:g} A at {speed:g} m/s over {way:g} m; allowed is up to "
             f"{config.current_limit:g} A and {config.max_speed:g} m/s."
         )
-    if not (winch.link.able.can_write(SPEED_LIMIT) and winch.link.able.can_write(0x6071)):
+    if not (winch.link.able.can_write(SPEED_LIMIT) and winch.link.able.can_write(TORQUE)):
         raise RefusedError(f"{device} has no speed limit in torque mode (607F): a slack cable's drum would run away.")
+    if any(entry.mapping >> 16 == TORQUE for entry in winch.link.layout.rpdo.entries):
+        raise RefusedError(f"{device} cannot pull: its fixed RPDO has the torque (6071) beside the controlword.")
     if state_of(winch.drive.healthy().statusword) is not DriveState.OPERATION_ENABLED:
         raise DeviceError(device, "has no power.", hint="Enable it first.")
     sample = winch.latest()
@@ -57,10 +61,10 @@ async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float
     order, start = winch.drive.begin(), await winch.ask_length()
     try:
         await sdo.write_verified(SPEED_LIMIT, 0, config.drive_speed(speed))
-        await sdo.write(0x6071, 0, -config.direction * config.torque_digits(current))
+        await sdo.write(TORQUE, 0, -config.direction * config.torque_digits(current))
         winch.drive.send(order, controlword(Command.ENABLE_OPERATION))
         await _until_taut(winch, start, speed, way)
-        await sdo.write(0x6071, 0, 0)
+        await sdo.write(TORQUE, 0, 0)
     finally:
         winch.quick_stop()
         await sdo.write_verified(SPEED_LIMIT, 0, config.drive_speed(config.max_speed))

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +51,9 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
 def make_dictionary(found: EdsFile, node_id: int) -> Dictionary:
     """The same of a file that was read for this node.
 
-    A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every object: where the file
-    gives none, it is the standard's, so that any file of a drive makes a node.
+    Entries of a mapping that can be written can be counted, too, whatever the file says of their number: nothing else
+    could change them. A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every object:
+    where the file gives none, it is the standard's, so that any file of a drive makes a node.
     """
     path = found.path
     tree: Any = found.dictionary
@@ -61,7 +63,9 @@ def make_dictionary(found: EdsFile, node_id: int) -> Dictionary:
     given = {(int(v.index), int(v.subindex)): v.default if v.value is None else v.value for v in variables}
     filled = _filled(given, node_id)
     specs = (_spec(path, variable, filled[variable.index, variable.subindex]) for variable in variables)
-    return counted_as_it_is(Dictionary(specs))
+    mapped = {int(v.index) for v in variables if _is_mapping(v.index) and v.subindex and _writable(v)}
+    counts = (replace(s, writable=True) if s.subindex == 0 and s.index in mapped else s for s in specs)
+    return counted_as_it_is(Dictionary(counts))
 
 
 def _filled(given: Mapping[tuple[int, int], Any], node_id: int) -> dict[tuple[int, int], Any]:
@@ -89,6 +93,10 @@ def _is_mapping(index: int) -> bool:
     return 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00 or index == 0x1003
 
 
+def _writable(variable: Any) -> bool:
+    return str(variable.access_type) not in ("ro", "const")
+
+
 def _highest(keys: Iterable[tuple[int, int]], index: int) -> int:
     return max(sub for at, sub in keys if at == index)
 
@@ -103,7 +111,7 @@ def _spec(path: Path, variable: Any, value: Any) -> ObjectSpec:
         name=str(variable.name),
         code=code,
         readable=access != "wo",
-        writable=access not in ("ro", "const"),
+        writable=_writable(variable),
         mappable=bool(variable.pdo_mappable),
         low=variable.min if ranged else None,
         high=variable.max if ranged else None,
