@@ -12,10 +12,11 @@ from drivers.clock import LoopClock
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
+from fidim_lab.app.service.kept_stop import keep, kept
 from fidim_lab.app.service.lock import Holder, holder, running
 from fidim_lab.app.service.place import ServicePlace, all_places, places_for
 from fidim_lab.app.terminal import console
-from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop
+from fidim_lab.data.rigs.stop_file import Stopped
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
 from fidim_lab.say import printable
 from procedures.timing import within
@@ -109,11 +110,9 @@ def _keep(place: ServicePlace, who: Holder, reason: str) -> str:
         datetime.now(UTC).isoformat(timespec="milliseconds"),
     )
     try:
-        if read_stop(path) is None:
-            keep_stop(path, stopped)
+        return "" if kept(path) else keep(path, stopped)
     except HardwareError as error:
         return f"Its rig is not latched: {error.message}"
-    return ""
 
 
 def user() -> str:

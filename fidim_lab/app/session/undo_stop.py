@@ -14,11 +14,12 @@ from drivers.clock import LoopClock
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.run_spec import RunSpec, again, read_spec
 from fidim_lab.app.service.client import connect
+from fidim_lab.app.service.kept_stop import forget, kept
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.place import ServicePlace, place_of
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig
-from fidim_lab.data.rigs.stop_file import read_stop, stop_path
+from fidim_lab.data.rigs.stop_file import stop_path
 from fidim_lab.errors import RefusedError, SetupError
 
 QUESTIONS = (
@@ -36,7 +37,7 @@ def confirmed(spec: RunSpec, *, asks: bool = True) -> str:
 
     asks: False where nobody is there. Raises RefusedError where the answer is not twice yes; nothing is undone yet.
     """
-    found = read_stop(spec.stopped)
+    found = kept(spec.stopped)
     if found is None:
         return ""
     if not asks:
@@ -63,7 +64,7 @@ def says_yes(question: str) -> bool:
 
 def stop_hint(spec: RunSpec) -> tuple[str, ...]:
     """What to type after a run that an emergency stop has ended; nothing after another."""
-    found = read_stop(spec.stopped)
+    found = kept(spec.stopped)
     if found is None:
         return ()
     return (
@@ -141,14 +142,9 @@ async def _reset_service(place: ServicePlace) -> str:
 
 
 def _reset_file(stopped: Path) -> str:
-    found = read_stop(stopped)
+    found = kept(stopped)
     if found is None:
         return ""
     ask(found.sentence)
-    try:
-        stopped.unlink(missing_ok=True)
-    except OSError as error:
-        raise SetupError(
-            f"{stopped}: cannot be removed, so the stop remains latched: {error.strerror or error}."
-        ) from error
+    forget(stopped)
     return found.sentence

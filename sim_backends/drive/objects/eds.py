@@ -52,8 +52,8 @@ def make_dictionary(found: EdsFile, node_id: int) -> Dictionary:
     """The same of a file that was read for this node.
 
     Entries of a mapping that can be written can be counted, too, whatever the file says of their number: nothing else
-    could change them. A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every object:
-    where the file gives none, it is the standard's, so that any file of a drive makes a node.
+    could change them. A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every
+    object: where the file gives none, it is the standard's, so that any file of a drive makes a node.
     """
     path = found.path
     tree: Any = found.dictionary

@@ -1,6 +1,8 @@
 """The protocol without I/O: what is taken, what is refused, in whatever pieces the bytes come."""
 
+import errno
 import json
+import os
 import threading
 from pathlib import Path
 
@@ -232,12 +234,33 @@ def test_a_stop_outlives_the_service_and_its_first_cause_stays(tmp_path):
     assert told == []
 
 
-def test_a_stop_that_cannot_be_kept_is_told_and_one_that_cannot_be_forgotten_stays(tmp_path):
+def test_a_stop_that_its_disk_does_not_take_is_kept_elsewhere_until_it_is_undone(tmp_path):
+    path, told = tmp_path / "none" / "rig.stopped.toml", []
+    Latch(lambda: 0.0, StopKeeper(path, told.append)).latch(STOPPED)
+    until(lambda: told)
+    assert "the emergency stop is kept in " in told[0]
+    assert "rig.stopped.toml: cannot be written: No such file or directory" in told[0]
+    latch = Latch(lambda: 0.0, StopKeeper(path, told.append))
+    assert "a cable is slack" in latch.why
+    assert latch.second_step(latch.first_step()) == ""
+    assert Latch(lambda: 0.0, StopKeeper(path, told.append)).why == AT_START
+
+
+def test_a_stop_that_cannot_be_kept_anywhere_is_told_and_one_that_cannot_be_forgotten_stays(tmp_path, monkeypatch):
     path, told = tmp_path / "none" / "rig.stopped.toml", []
     latch = Latch(lambda: 0.0, StopKeeper(path, told.append))
+    really = Path.open
+
+    def full(self, mode="r", **more):
+        if "w" in mode:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return really(self, mode, **more)
+
+    monkeypatch.setattr(Path, "open", full)
     latch.latch(STOPPED)
     until(lambda: told)
     assert "in this service only" in told[0]
+    assert "No space left on device" in told[0]
     path.mkdir(parents=True)
     assert "so the stop remains" in latch.second_step(latch.first_step())
     assert latch.latched
