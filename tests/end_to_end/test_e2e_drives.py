@@ -15,14 +15,20 @@ from sim_backends.drive.axis.machine import State
 QUICK_STOP = controlword(Command.QUICK_STOP)
 STEPS = {"MoveTo": 0.4, "Settle": 0.1, "Ask": 1.0, "Record": 0.5}
 """step, and how long after its begin the fault comes"""
+HALTED, NMT_STOP = 0x10F, 0x02
 METRES_PER_COUNT = 2e-5
 
 
 def check_quick_stop(ended):
-    """Each drive was told to stop by a single frame in the cycle of the trip, and nothing else afterwards."""
+    """Each drive was told to stop by a single frame in the cycle of the trip, and nothing else afterwards.
+
+    But for a halt before NMT stop, to a drive that is seen to be enabled still.
+    """
     words = ended.controlwords(since=ended.trip.t)
     assert {(node, QUICK_STOP) for node in (1, 2, 3, 4)} <= {(node, word) for t, node, word in words}
-    assert all(word == QUICK_STOP for t, _, word in words if t > ended.trip.t)
+    by_network = {(f.t, f.data[1]) for f in ended.frames if f.id == 0x000 and f.data[0] == NMT_STOP}
+    later = [(t, node, word) for t, node, word in words if t > ended.trip.t]
+    assert all(word == QUICK_STOP or (word == HALTED and (t, node) in by_network) for t, node, word in later)
 
 
 def check_kept(ended, step):

@@ -192,10 +192,11 @@ class Cia402Winch:
     def force_stop(self) -> None:
         """NMT stop, at which the drive does what 6007 says: one frame, never waits.
 
-        Where it is still enabled, a halt comes before: what 6007 says is the quick stop that it has not obeyed.
+        Where it is seen to be enabled still, a halt comes before: what 6007 says is the quick stop that it has not
+        obeyed. One that is not seen may stand in its quick stop, from which that word could enable it again.
         """
-        order, values = self._drive.begin(), self.link.values
-        enabled = values is not None and state_of(values.statusword) is DriveState.OPERATION_ENABLED
+        order, sample = self._drive.begin(), self.latest()
+        enabled = sample is not None and sample.state is DriveState.OPERATION_ENABLED  # UNKNOWN where it is old
         if enabled and self.link.mode is not Mode.PROFILE_TORQUE:  # where a halt takes the torque away
             with contextlib.suppress(BusError):
                 self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
