@@ -35,7 +35,7 @@ from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.touched import LEFT_OUT, left_by_window, untouched
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.identification.mle.warm_start import Newcomer, exchanged, rearranged
+from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.slots import Effect
@@ -94,10 +94,10 @@ class SoftFit:
         effects = self.found.likelihood.mechanism.effects
         return tuple(one for one in effects if one not in (self.friction, RotationalDragPerAxis()))
 
-    def without_dissipation(self) -> Fit | None:
-        """The same cables without what dissipates, whitened by the working noise; None where it leads nowhere."""
-        likelihood = replace(self.found.likelihood, noise=self.working.marker_noise)
-        return rearranged(replace(self.found, likelihood=likelihood), self.not_dissipating)
+    @property
+    def by_working_noise(self) -> Fit:
+        """The fit with its residuals whitened by the noise that it was made with."""
+        return replace(self.found, likelihood=replace(self.found.likelihood, noise=self.working.marker_noise))
 
     @property
     def friction(self) -> NamedEffect:

@@ -15,6 +15,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.soft import fit_soft
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
+from fidim_lab.identification.mle.warm_start import rearranged
 from fidim_lab.mismatch.fitting.baseline import context_of
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
@@ -30,6 +31,8 @@ class CommonPart:
     """in every model: none where cables are rigid"""
     noise: float = 1.0
     """χ²/dof of white noise of the stated size, by the noise that these fits are whitened with"""
+    elsewhere: tuple[Fit, ...] = ()
+    """of the same windows and noise with further effects: other optima, from where a model can begin as well"""
     sentences: tuple[str, ...] = ()
     """what is said of them"""
 
@@ -66,9 +69,10 @@ def elastic(campaign: Campaign, softness: str) -> CommonPart:
     softness: how that is seen, for people.
     """
     soft = fit_soft(campaign)
-    found = soft.without_dissipation()
+    with_dissipation = soft.by_working_noise
+    found = rearranged(with_dissipation, soft.not_dissipating)
     if found is None:
         raise RefusedError("Without dissipation no motion on elastic cables can be simulated.")
     why = f"The cables hardly hold one direction ({softness}): elastic cables are fitted instead of rigid ones."
     ratio = campaign.robot.sensors.marker_noise / soft.working.marker_noise
-    return CommonPart(found, soft.not_dissipating, ratio**2, (why, soft.springs, *soft.cut))
+    return CommonPart(found, soft.not_dissipating, ratio**2, (with_dissipation,), (why, soft.springs, *soft.cut))

@@ -168,8 +168,15 @@ class ModelFits:
         return self._fitted(model, model.terms, (), {})
 
     def finished(self, model: WholeModel) -> WholeModel:
-        """The same at its optimum, to a hundredth of a standard deviation."""
-        return self._fitted(model, model.terms, model.geometry, {}, FINAL) or model
+        """The same at its optimum, to a hundredth of a standard deviation: the best that is found from all beginnings.
+
+        A model without what dissipates bends the body, and a model that is begun there may stay bent.
+        """
+        fresh = {h: model.theta_of(k)[list(h.scored)] for k, h in enumerate(model.terms)}
+        every = [self._fitted(model, model.terms, model.geometry, {}, FINAL)]
+        every += [self._fitted(model, model.terms, model.geometry, fresh, FINAL, one) for one in self.common.elsewhere]
+        reached = [one for one in every if one is not None]
+        return max(reached, key=lambda one: one.nats(model.temper), default=model)
 
     def _fitted(
         self,
@@ -178,15 +185,20 @@ class ModelFits:
         geometry: tuple[Nuisance, ...],
         fresh: dict[Hypothesis, np.ndarray],
         effort: Effort = TRIED,
+        elsewhere: Fit | None = None,
     ) -> WholeModel | None:
-        """Each θ from where the donor has it, or from a fresh one. Priors count as they do beside tempered data."""
-        known, softened = donor.found.likelihood.mechanism.effects, np.sqrt(donor.temper)
+        """Each θ from where the donor has it, or from a fresh one. Priors count as they do beside tempered data.
+
+        elsewhere: from where everything begins instead that is not fresh.
+        """
+        begin = elsewhere or donor.found
+        known, softened = begin.likelihood.mechanism.effects, np.sqrt(donor.temper)
 
         def part(effect: NamedEffect, sd: np.ndarray, mean: np.ndarray, begun: np.ndarray | None = None) -> Newcomer:
             wide = np.full(len(mean), np.inf)
             low, high = (-wide, wide) if effect in offsets else effect.bounds(self.common.context)
             if begun is None:
-                begun = donor.found.values[donor.found.place_of(effect)] if effect in known else mean
+                begun = begin.values[begin.place_of(effect)] if effect in known else mean
             parts = (np.clip(begun, low, high), sd / softened, low, high, mean)
             return Newcomer(effect, *(one.tolist() for one in parts))
 
@@ -194,7 +206,7 @@ class ModelFits:
         wanted: list[Effect | Newcomer] = [*self.common.nuisances]
         wanted += [part(h.effect, prior_of([h]), h.absent, h.theta(fresh[h]) if h in fresh else None) for h in terms]
         wanted += [part(one.effect, np.array(one.sd), np.zeros(len(one.sd))) for one in geometry]
-        found = rearranged(donor.found, wanted, effort)
+        found = rearranged(begin, wanted, effort)
         return None if found is None else WholeModel(self.common, terms, geometry, found, self.predicted)
 
     def predicted(self, found: Fit) -> dict[str, Remainder]:

@@ -123,10 +123,11 @@ class _Steps:
         return best
 
     def simpler(self, best: WholeModel) -> WholeModel:
-        """Without terms that another one has made needless: evidence does not ask for them any more."""
+        """Without terms that another one has made needless: at its optimum, a model without them is as evident."""
         while len(best.terms) > 1:
             every = (self.trial.without(best, k) for k in range(len(best.terms)))
-            less = [one for one in every if one is not None and log_odds(best, one) < ODDS]
+            settled = (self.trial.finished(one) for one in every if one is not None)
+            less = [one for one in settled if log_odds(best, one) < ODDS]
             if not less:
                 break
             self.tried.append(best)
