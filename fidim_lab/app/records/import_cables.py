@@ -1,4 +1,4 @@
-"""Whether a robot log's cables stand in the robot file's order: by the lengths that the poses foretell.
+"""Whether a robot log's cables stand in the robot file's order, and count as said: by the lengths that poses foretell.
 
 Each cable of the robot file is given one of the log, so that lengths by log and by poses differ least. The log's zeros
 may be known, the same in all takes, or those of each take. Another order is told where chance would hardly make it fit
@@ -13,12 +13,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
-from fidim_lab.app.records.import_readings import CLEAR, SURVEYED
+from fidim_lab.app.records.import_readings import CLEAR, FAR, SURVEYED
 
 AGREES = 5e-3
 """m, to which lengths of a log and of the poses agree in the right order: zeros differ from take to take by less"""
 CHANCE = 1e-3
 """probability below which another order is no accident"""
+
+FEWEST_AT_REST = 3
+"""windows"""
+SAME_FACTOR = 0.05
+"""by which a factor may be another one through survey and zeros that differ by `AGREES`, where cables move by 10 cm"""
 
 Lengths = Float[np.ndarray, "K n"]
 """m"""
@@ -61,6 +66,48 @@ def cable_order(takes: Sequence[LogLengths]) -> CableOrder | None:
         if found is not None:
             return found
     return None
+
+
+def miscounted(takes: Sequence[LogLengths]) -> str:
+    """Which cables' logs count the other way round, by another scale, or anew in each take, in words; else empty.
+
+    Lengths at rest, by log and by poses, differ between windows by one factor for a cable: 1 if its log is right. Three
+    windows are needed, since two fit any factor.
+    """
+    rest = [take.at_rest for take in takes]
+    if sum(len(logged) for logged, _ in rest) < FEWEST_AT_REST:
+        return ""
+    logged, seen = (np.concatenate([pair[k] for pair in rest]) for k in (0, 1))
+    logged, seen = logged - logged.mean(axis=0), seen - seen.mean(axis=0)
+    told: dict[str, list[str]] = {}
+    for cable, (by_log, by_poses) in enumerate(zip(logged.T, seen.T, strict=True), start=1):
+        if words := _miscounts(by_log, by_poses):
+            told.setdefault(words, []).append(str(cable))
+    return "; ".join(f"the log of cable {', '.join(cables)} {words}" for words, cables in told.items())
+
+
+def _miscounts(logged: np.ndarray, seen: np.ndarray) -> str:
+    """How one cable's lengths (K,) m by the log, about their mean, go with those of the poses; empty where they do."""
+    as_read, moves = _rms(seen - logged), _rms(logged)
+    if moves <= AGREES and as_read > FAR * AGREES:
+        return (
+            "has the same length in all windows, the poses have not: it counts from its own start in each take, so "
+            "that its zeros are unknown"
+        )
+    factor = float(seen @ logged / max(logged @ logged, 1e-12))
+    fits = _rms(seen - factor * logged)
+    if not (fits <= AGREES and FAR * max(fits, SURVEYED) < as_read):
+        return ""
+    if abs(factor + 1.0) < SAME_FACTOR:
+        return "counts the other way round: change the sign of its metres_per_count in --log-map, or of its column"
+    return (
+        f"moves {1.0 / factor:.3g} times as far as the poses: correct its metres_per_count or length_unit in --log-map "
+        "(radius or diameter, turns of drum or motor)"
+    )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _comparisons(takes: Sequence[LogLengths]) -> Iterator[tuple[Lengths, Lengths, int]]:

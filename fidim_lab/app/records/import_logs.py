@@ -86,12 +86,12 @@ class FromLog:
     """(n,) m, what was added to the log's lengths; None without a log, or with one in doubt"""
 
 
-def without_log(window: Window) -> Window:
-    """An imported window without what its log says: lengths as the poses have them at the median."""
+def without_log(window: Window, *, currents: bool) -> Window:
+    """An imported window without the lengths of its log: as the poses have them at the median. currents: with these."""
     held = window.lengths
     if held is not None:  # the log's zeros are such that their median is what the poses say
         held = np.tile(np.nanmedian(held, axis=0), (len(window.t), 1))
-    return replace(window, lengths=held, currents=None, encoder_zeros=None)
+    return replace(window, lengths=held, currents=window.currents if currents else None, encoder_zeros=None)
 
 
 def compared(mechanism: Mechanism, take: Take, posed: PosedTake, windows: Sequence[np.ndarray]) -> LogLengths | None:

@@ -15,7 +15,7 @@ from statistics import median_low
 import numpy as np
 
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.records.import_cables import LogLengths, cable_order
+from fidim_lab.app.records.import_cables import LogLengths, cable_order, miscounted
 from fidim_lab.app.records.import_logs import compared, logged, without_log
 from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.terminal import console
@@ -84,22 +84,25 @@ def find_windows(group: Takes) -> Sequence[TakeWindows]:
             found.append(one)
         except FidimError as error:
             found.append(TakeWindows(take, (), take.markers.decided, (), str(error)))
-    return _without_exchanged(found)
+    return _without_wrong_logs(found)
 
 
-def _without_exchanged(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:
-    """Takes whose logs have their cables in another order than the robot file, without what these say; it is told."""
-    other = cable_order([one.lengths for one in found if one.lengths is not None])
-    if other is None:
-        return found
+def _without_wrong_logs(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:
+    """Takes whose logs have their cables in another order, or count otherwise than said, without these; it is told."""
     told = [one for one in found if one.lengths is not None]
+    lengths = [one.lengths for one in told if one.lengths is not None]
+    other = cable_order(lengths)
+    counts = "" if other else miscounted(lengths)
+    if other is None and not counts:
+        return found
+    says = other.says if other else f"{counts}. The lengths of the log count for nothing so"
     return [
         one
         if one.lengths is None
         else replace(
             one,
-            windows=tuple(without_log(window) for window in one.windows),
-            warnings=(*one.warnings, other.says) if one is told[0] else one.warnings,
+            windows=tuple(without_log(window, currents=other is None) for window in one.windows),
+            warnings=(*one.warnings, says) if one is told[0] else one.warnings,
         )
         for one in found
     ]

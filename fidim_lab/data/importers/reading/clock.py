@@ -23,6 +23,8 @@ SAME_RATE = 1e-4
 """of the rate: beyond it, and beyond rounding, header and column of times say different rates (59.94 and 60: 1e-3)"""
 
 
+DAY = 86400.0
+"""s"""
 ONE_TAKE = "Where a file has two takes, export each by itself."
 
 
@@ -45,10 +47,19 @@ def times(path: Path, rate: float, frames: Float[np.ndarray, " N"]) -> Float[np.
     return check_long(path, (frames - frames[0]) / rate, rate)
 
 
+def over_midnight(stamps: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+    """Times of day, s, that go on after midnight; dates, s since 1970, as they are."""
+    if not len(stamps) or np.nanmax(stamps) >= DAY:
+        return stamps
+    return stamps + DAY * np.cumsum(np.diff(stamps, prepend=stamps[0]) < -0.5 * DAY)
+
+
 def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
     """The times, s. Raises FileError where a gap makes them far longer than what was recorded."""
     if t[-1] * rate > 100.0 * len(t) + 1000.0:
-        raise FileError(path, "frames", f"{len(t)} frames in {t[-1]:g} s at {rate:g} Hz: numbers or times are wrong")
+        k = int(np.argmax(np.diff(t)))
+        what = f"{len(t)} frames in {t[-1]:g} s at {rate:g} Hz: numbers or times are wrong, or of several takes. The"
+        raise FileError(path, "frames", f"{what} longest gap is {t[k + 1] - t[k]:g} s, before sample {k + 2}")
     return t
 
 

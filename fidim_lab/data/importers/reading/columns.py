@@ -22,6 +22,7 @@ from fidim_lab.data.importers.reading.cells import (
     number,
     read_export,
 )
+from fidim_lab.data.importers.reading.clock import over_midnight
 from fidim_lab.errors import FileError
 
 Column = str | Annotated[int, Field(ge=1)]
@@ -97,6 +98,8 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
         raise FileError(path, "", f"{len(found)} rows; a recording has at least {MIN_FRAMES}")
     dated = len(split[first]) > places[0] and is_dated(split[first][places[0]])
     values = np.array(found)
+    if dated:
+        values[:, 0] = over_midnight(values[:, 0])
     if said.nanoseconds is None:
         return ColumnTable(values, dated, tuple(decided))
     values[:, 0] += 1e-9 * values[:, -1]

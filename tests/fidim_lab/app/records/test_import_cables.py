@@ -1,7 +1,8 @@
-"""Robot logs whose cables stand in another order than the robot file's: told with the option that sets it right."""
+"""Robot logs whose cables stand in another order than the robot file's, or count otherwise: told with the remedy."""
 
 import contextlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -45,10 +46,12 @@ def imported(
     takes: tuple[str, ...] = TAKES,
     zeros: bool = True,
     early: bool = False,
+    counts: Callable[[np.ndarray], np.ndarray] = np.asarray,
 ) -> str:
     """What was said.
 
-    order: which cable stands in each column of the logs; early: they have swivels, and begin while winches still move.
+    order: which cable stands in each column of the logs; early: they have swivels, and begin while winches still move;
+    counts: what the logs have of lengths (N, 4), m.
     """
     for name in takes:
         table = pd.read_csv(simulated / "sim" / "windows" / f"{name}.csv")
@@ -56,7 +59,7 @@ def imported(
             (folder / kind).mkdir(exist_ok=True)
             one = table[["t", *columns]].copy()
             if kind == "logs":
-                one[columns] -= zeros * ZEROS
+                one[columns] = counts(one[columns].to_numpy() - zeros * ZEROS)
                 one.columns = ["t", *(f"l{k}" for k in range(1, 5))]
             if kind == "logs" and early:
                 turned = table[[f"s{k + 1}" for k in order]].to_numpy()
@@ -90,6 +93,22 @@ def test_another_order_is_told_with_the_option_that_sets_it_right(
     assert "check" not in said
     found = [window.encoder_zeros for window in read_campaign(again / "out").windows]
     assert np.ptp(np.array(found, dtype=float), axis=0) == pytest.approx(0.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("counts", "says"),
+    [
+        (lambda lengths: lengths * [1, -1, 1, 1], "the log of cable 2 counts the other way round"),
+        (lambda lengths: lengths * [1, 1, 2, 1], "the log of cable 3 moves 2 times as far as the poses"),
+        (lambda lengths: lengths / (2.0 * np.pi), "the log of cable 1, 2, 3, 4 moves 0.159 times as far as the poses"),
+        (lambda lengths: lengths - lengths[0], "has the same length in all windows, the poses have not"),
+    ],
+)
+def test_logs_that_count_otherwise_are_named_and_blame_no_anchor(
+    counts: Callable[[np.ndarray], np.ndarray], says: str, simulated: Path, tmp_path: Path
+):
+    assert says in imported(simulated, tmp_path, [0, 1, 2, 3], counts=counts)
+    assert all(window.encoder_zeros is None for window in read_campaign(tmp_path / "out").windows)
 
 
 def test_clocks_are_found_though_the_swivels_are_exchanged_too(simulated: Path, tmp_path: Path):

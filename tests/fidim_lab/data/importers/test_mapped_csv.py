@@ -3,7 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.vicon_text import read_trajectories
@@ -45,6 +48,27 @@ def test_stamps_of_arrival_that_jitter_have_the_rate_of_all_steps(seed: int, tmp
     log = read_mapped(*files(tmp_path, stamps, MAP.replace('"ms"', '"us"')))
     assert log.rate == pytest.approx(100.0, rel=2e-4)
     assert np.rint(log.t * log.rate)[[0, 699, 700, -1]] == pytest.approx([0, 699, 850, 1999])
+
+
+@given(began=st.floats(0.0, 86399.99), gap=st.integers(1, 500))
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_times_of_day_go_on_after_midnight(began: float, gap: int, tmp_path: Path):
+    """pandas writes them; some frames are missing, perhaps those at midnight."""
+    counted = np.delete(np.arange(1200), slice(300, 300 + gap))
+    stamps = pd.Timestamp("2026-03-01") + pd.to_timedelta(np.round(began + 0.01 * counted, 3), unit="s")
+    table = pd.DataFrame({"stamp": stamps.strftime("%H:%M:%S.%f"), "ax": counted, "ay": 2.5, "az": 3.5})
+    table.to_csv(tmp_path / "take.csv", sep=";", decimal=",", index=False)
+    (tmp_path / "map.toml").write_text(MAP.replace('time_unit = "ms"', ""), encoding="utf-8")
+    log = read_mapped(tmp_path / "take.csv", tmp_path / "map.toml")
+    assert log.rate == pytest.approx(100.0, rel=1e-4)
+    assert np.rint(log.t * log.rate) == pytest.approx(counted)
+
+
+def test_a_stamp_far_from_the_others_is_named(tmp_path: Path):
+    stamps = 1.7e12 + 10.0 * np.arange(400)
+    stamps[0] = 0.0
+    with pytest.raises(FileError, match=r"longest gap is 1\.7e\+09 s, before sample 2"):
+        read_mapped(*files(tmp_path, stamps))
 
 
 def test_seconds_and_nanoseconds_are_one_stamp(tmp_path: Path):
