@@ -102,8 +102,19 @@ class Fit:
     @property
     def noise_ratio(self) -> float:
         """Marker noise by fourth differences of the residuals over the stated one; 1 where that cannot be told."""
-        seen = [left.noise for left in self.remainders if left.noise is not None]
-        return float(np.median(seen)) / self.likelihood.noise if seen else 1.0
+        return float(np.median(self._noise_ratios)) if len(self._noise_ratios) else 1.0
+
+    @property
+    def noise_doubt(self) -> float:
+        """Standard deviation of the square of `noise_ratio`, by the scatter of windows; 0 where less than two tell."""
+        squares = self._noise_ratios**2
+        of_median = np.sqrt(np.pi / 2)
+        return float(of_median * squares.std(ddof=1) / np.sqrt(len(squares))) if len(squares) > 1 else 0.0
+
+    @property
+    def _noise_ratios(self) -> Float[np.ndarray, " W"]:
+        """Of the windows that tell theirs."""
+        return np.array([one.noise for one in self.remainders if one.noise is not None]) / self.likelihood.noise
 
     @property
     def excess(self) -> float:

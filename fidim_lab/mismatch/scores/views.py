@@ -104,7 +104,8 @@ class View:
 
     def _takes_enough(self, score: Score, less: float) -> bool:
         """Whether noise alone would be left, or at least a good part of what fewer terms leave would be gone."""
-        noise = 4 * self.model.fit.noise_ratio**2 * float(np.sqrt(2 * self.projected.dof))
+        fit, dof = self.model.fit, self.projected.dof
+        noise = 4 * float(np.hypot(fit.noise_ratio**2 * np.sqrt(2 * dof), fit.noise_doubt * dof))
         return score.gain - less > SHARED.some * (self.rest - less) or self.rest - score.gain < noise
 
 

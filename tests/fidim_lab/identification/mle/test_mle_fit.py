@@ -351,3 +351,10 @@ def test_errors_are_as_large_as_stated(four, record, truth):
     assert chi2.ppf(0.001, 9 * 30) < total < chi2.ppf(0.999, 9 * 30)
     assert 0.90 < np.mean(inside) < 0.99
     assert 0.5 < np.median(ratios) < 1.5
+
+
+def test_windows_tell_how_well_the_noise_is_known(record, four):
+    found = [fit(Mechanism(four), record(four, 4, seed=seed)) for seed in range(16)]
+    scatter = np.std([one.noise_ratio**2 for one in found], ddof=1)
+    assert np.sqrt(np.mean([one.noise_doubt**2 for one in found])) == pytest.approx(scatter, rel=0.5)
+    assert fit(Mechanism(four), record(four, 1)).noise_doubt == 0.0
