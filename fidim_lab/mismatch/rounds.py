@@ -245,7 +245,7 @@ class Rounds:
         general = rival(seen)
         if general is None or general.best < ODDS:
             return first, last
-        noise = max(1.0, seen.fit.noise_ratio**2)
+        noise = max(1.0, seen.fit.noise_ratio**2)  # what is foretold, and what was seen, are at least 1 as well
         left = SHARED.half * (seen.projected.inflation - noise)
         if not (best.is_white or general.temper - noise < left):
             return first, last

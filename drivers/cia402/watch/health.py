@@ -132,7 +132,8 @@ class HealthPoll:
         found = Health(t=self._clock.now())
         if not self._link.layout.tells(Mappable.MODE_DISPLAY.name):
             mode = await self._number(MODE_DISPLAY, 0)
-            self._link.decoder.displayed = self._link.decoder.displayed if mode is None else mode
+            if mode is not None:
+                self._link.decoder.displayed = mode
         if self._follows:
             lag = await self._number(FOLLOWING_ERROR, 0)
             self._follows = lag is not None

@@ -95,7 +95,7 @@ def _without_wrong_logs(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:
     counts = "" if other else miscounted(lengths)
     if other is None and not counts:
         return found
-    says = other.says if other else f"{counts}. The lengths of the log count for nothing so"
+    says = other.says if other else f"{counts}. The lengths of the log are not used"
     return [
         one
         if one.lengths is None
