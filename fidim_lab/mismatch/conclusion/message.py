@@ -13,6 +13,7 @@ from fidim_lab.mismatch.conclusion.classes import alike, general_geometry_may_be
 from fidim_lab.mismatch.conclusion.explanation import BodyParameter, Explanation, MismatchPlace, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, LawTerm
 from fidim_lab.mismatch.conclusion.ranking import ranking
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
@@ -34,7 +35,8 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
     terms = range(len(named.model.tried))
     slow = verdict is Verdict.UNKNOWN_PHYSICS and slower_than_frames(found)
-    doubtful = general_geometry_may_be_it(found) or any(named.model.size_in_sd(k) < SHARED.certain for k in terms)
+    faint = any(named.model.size_in_sd(k) < CONCLUSION.message_faint for k in terms)
+    doubtful = faint or general_geometry_may_be_it(found)
     effects = tuple(_cause(found, named.model, k, doubtful) for k in terms)
     return Explanation(
         campaign=baseline.campaign.name,

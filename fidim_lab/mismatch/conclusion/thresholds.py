@@ -12,6 +12,12 @@ class ConclusionThresholds:
     """effects, of which none is told as the only one: of 2 that imitated a left-out one all had 3 or more, or left
     something unexplained"""
 
+    # message
+    message_faint: float = 30.0
+    """standard deviations of an effect's size, below which it is not told as the only one: what is not listed is
+    imitated by what is to 0.94 to 0.97 of its χ² (spec/findings.md), and of 30² the rest, 0.03, is what one more term
+    must take to be believed, 5 nats beside its freedom"""
+
     # parsimony_check
     parsimony_check_many: int = 9
     """parameters of effects, from which they may stand for anything, and all is tried that has no name"""

@@ -80,9 +80,16 @@ class Completed:
         return " + ".join(h.label for h in self.tried) or "nothing"
 
     def theta_of(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """θ of effect k with its standard deviations (nan where held)."""
-        place = self.place_of(k)
-        sd = self.fit.sd[place].copy()
+        """θ of effect k with its standard deviations (nan where held).
+
+        The phases of all windows may turn together if a wave turns back: its sd are those with their mean phase held.
+        """
+        place, covariance = self.place_of(k), self.fit.covariance
+        if self.tried[k].effect.of_each_window:
+            scored = place.start + np.array(self.tried[k].scored)
+            s, c = np.split(self.fit.values[scored], 2)
+            covariance = _held_along(covariance, scored, np.concatenate([-c, s]))
+        sd = np.sqrt(np.diag(covariance))[place]
         sd[np.array(self.at_bound, dtype=bool)[place.start - BODY : place.stop - BODY]] = np.nan
         return self.fit.values[place], sd
 
@@ -246,6 +253,13 @@ def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, 
     bounds = [h.effect.bounds(context) for h in tried]
     none = np.zeros(0)
     return np.concatenate([none, *(low for low, _ in bounds)]), np.concatenate([none, *(high for _, high in bounds)])
+
+
+def _held_along(covariance: np.ndarray, places: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """The covariance (n, n) once it is known how far some parameters are along a direction."""
+    along = covariance[:, places] @ direction
+    variance = float(direction @ along[places])
+    return covariance - np.outer(along, along) / variance if variance > 0 else covariance
 
 
 def prior_of(tried: Sequence[Hypothesis]) -> Float[np.ndarray, " theta"]:

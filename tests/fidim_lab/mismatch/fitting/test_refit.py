@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.effects.catalogue import by_id
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.linearised.hypotheses import hypotheses
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, hypotheses
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -71,3 +72,16 @@ def test_what_a_scan_settles_is_no_size(irma4: Robot) -> None:
     assert sized(irma4, "loose-mass", [0.0157, 4.08, 0.087, 0.03, 0.04, 0.06], np.diag(sd**2)) == pytest.approx(
         1.21, abs=0.01
     )
+
+
+def test_a_wave_is_as_certain_as_it_is_with_its_phase_held(irma4: Robot) -> None:
+    """That of all windows may turn with it: what only this leaves open is no uncertainty of its size."""
+    tone = next(one for one in by_id(irma4, "periodic-force") if one.of_each_window)
+    tried = Hypothesis(tone, np.zeros(7), tuple(range(6)))
+    s, c = np.array([0.3, 0.0, 0.4]), np.array([0.0, 0.1, 0.0])
+    turned = np.concatenate([-c, s, [0.0]])
+    whole = np.eye(BODY + 7)
+    whole[BODY:, BODY:] = 1e-4 * np.eye(7) + np.outer(turned, turned)
+    fit = SimpleNamespace(values=np.concatenate([np.zeros(BODY), s, c, [1.2]]), covariance=whole)
+    sd = Completed((tried,), fit, whole=True, at_bound=(False,) * 7).theta_of(0)[1]  # type: ignore[arg-type]
+    assert np.all((sd > 0.005) & (sd < 0.0101))
