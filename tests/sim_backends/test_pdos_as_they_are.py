@@ -20,7 +20,7 @@ from sim_backends.jumping_loop import run
 
 PDOS = re.compile(r"^\[1[468A]0[0-9A-F](?:sub[0-9A-F]+)?\]\n(?:(?!\[).*\n?)*", re.MULTILINE)
 CONTROL, MODE, TARGET, SPEED = 0x60400010, 0x60600008, 0x607A0020, 0x60FF0020
-TORQUE = 0x60710010
+TORQUE, LOAD_32 = 0x60710010, 0x60780020
 STATUS, SHOWN, PLACE, VELOCITY, LOAD = 0x60410010, 0x60610008, 0x60640020, 0x606C0020, 0x60780010
 OF_CIA_402 = {
     0x1400: [CONTROL],
@@ -33,6 +33,7 @@ OF_CIA_402 = {
     0x1803: [STATUS, VELOCITY],
 }
 """the mapping that the profile gives a drive by default"""
+APART = {key: entries for key, entries in OF_CIA_402.items() if key >= 0x1800} | {0x1400: [CONTROL]}
 
 
 def section(index: int, sub: int, kind: int, access: str, value: object) -> str:
@@ -52,11 +53,15 @@ def eds(
     kind: tuple[str, int] = ("rw", 255),
     more: str = "",
     lacks: str = "",
+    has: tuple[str, dict[str, str]] = ("", {}),
 ) -> Path:
     """The generic dictionary with these PDOs; access of mapping, its count, identifiers, transmission types."""
     text = PDOS.sub("", GENERIC_EDS.read_text(encoding="utf-8"))
     if lacks:
         text = re.sub(rf"^\[{lacks}\]\n(?:(?!\[).*\n?)*", "", text, flags=re.MULTILINE)
+    for key, value in has[1].items():
+        text = re.sub(rf"(^\[{has[0]}\]\n(?:(?!\[).*\n)*?){key}=.*\n", "\\1", text, flags=re.MULTILINE)
+        text = text.replace(f"[{has[0]}]\n", f"[{has[0]}]\n{key}={value}\n")
     for index, entries in pdos.items():
         first = 0x180 if index >= 0x1800 else 0x200
         ids = f"$NODEID+0x{first + 0x100 * (index & 3):X}"
@@ -80,8 +85,22 @@ WALK = {
         pdos={0x1400: [0] * 3, 0x1800: [0] * 3, 0x1801: [0] * 3}, mapping="rw", counted="ro"
     ),
     "no 606C": dict(pdos=OF_CIA_402, lacks="606C"),
+    "a target in a PDO of its own": dict(pdos=APART | {0x1401: [TARGET]}),
+    "a target beside the mode": dict(pdos=APART | {0x1401: [TARGET, MODE]}),
+    "RPDOs of one place": dict(pdos=APART | {0x1400: [0], 0x1401: [0], 0x1402: [0]}, mapping="rw"),
+    "places that nothing is in": dict(pdos=OF_CIA_402 | {0x1802: [0x00050008, STATUS, 0x00050008, PLACE]}),
+    "a mode that it keeps": dict(pdos=OF_CIA_402, has=("6060", {"AccessType": "ro", "DefaultValue": "1"})),
+    "a load that is no whole number": dict(
+        pdos=OF_CIA_402 | {0x1803: [VELOCITY, LOAD_32]}, has=("6078", {"DataType": "0x0008"})
+    ),
 }
-TELLS_LOAD = ("with the load", "one of each, mapped", "entries that can be written, their count that cannot")
+TELLS_LOAD = (
+    "with the load",
+    "a load that is no whole number",
+    "RPDOs of one place",
+    "one of each, mapped",
+    "entries that can be written, their count that cannot",
+)
 TELLS_NO_SPEED = ("one of each, mapped", "no 606C")
 
 
@@ -134,7 +153,11 @@ def test_pdos_that_stay_on_are_left_alone(tmp_path):
 REFUSED = {
     "event driven": (
         dict(pdos=OF_CIA_402, kind=("ro", 255)),
-        "1800:2, 1801:2, 1802:2, 1803:2: read only and 255, not 1",
+        "1800:2, 1801:2, 1802:2, 1803:2: read only and 255, not 1: sent when the drive likes, at rest never",
+    ),
+    "a position that is no whole number": (
+        dict(pdos=OF_CIA_402, has=("6064", {"DataType": "0x0008"})),
+        "no TPDO carries 6064:0 (its DataType is not the whole number of 32 bits",
     ),
     "no word of the mapping": (dict(pdos={k: [0] for k in OF_CIA_402}), "1A00, 1A01, 1A02, 1A03: read only, and the"),
     "more than is sent": (

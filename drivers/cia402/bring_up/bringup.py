@@ -20,7 +20,7 @@ from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.emcy import emergency_words, register_words
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
-from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, ObjectValue, PdoMap, mapping_expected, mapping_writes
+from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Mappable, ObjectValue, PdoMap, mapping_expected, mapping_writes
 from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.clock import wait_until
 from drivers.ports import DriveState
@@ -59,7 +59,8 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     power, or one that does not answer.
     """
     link.forget()
-    checks = [await _apply(link, setting) for setting in link.able.fitting(identity(config, _eds_identity(link)))]
+    compared = identity(config, _eds_identity(link), keeps_mode=link.able.keeps_mode)
+    checks = [await _apply(link, setting) for setting in link.able.fitting(compared)]
     checks += await check_factors(link.sdo, config)
     checks += await check_zero(link.sdo, config)
     _refuse(config, checks)
@@ -135,7 +136,7 @@ async def _apply(link: NodeLink, setting: Setting) -> SettingCheck:
         found = await link.sdo.read(setting.index, setting.sub)
     except SdoRefusedError as error:
         return SettingCheck(setting.object, setting.meaning, setting.words, error.reason, ok=False)
-    return SettingCheck(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found))
+    return SettingCheck(setting.object, setting.meaning, setting.words, setting.told(found), ok=setting.holds(found))
 
 
 async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
@@ -234,25 +235,21 @@ async def _compare(link: NodeLink, entry: ObjectValue) -> SettingCheck:
 
 
 async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> SettingCheck:
-    """Write 6060 and look at 6061: a drive may keep its old mode without a word.
+    """Write 6060 and look at 6061: a drive may keep its old mode without a word, or for good (6060 read only).
 
     Some families display no mode (0) before they are enabled, and hold what they were told in 6060 until then:
     enabling looks again, and takes the power away at once where the mode is not displayed.
     """
     wanted = link.mode = config.mode
-    deadline = master.clock.now() + config.step_timeout
     try:
-        await link.sdo.write(0x6060, 0, wanted)
+        if not link.able.keeps_mode:
+            await link.sdo.write(Mappable.MODE.index, 0, wanted)
     except SdoRefusedError as error:
         return SettingCheck("6060:0", "mode of operation", mode_name(wanted), error.reason, ok=False)
-    found = await link.sdo.read(0x6061)
-    while found != wanted and master.clock.now() < deadline:
-        await master.clock.sleep(master.period)
-        found = await link.sdo.read(0x6061)
-    link.decoder.displayed = found
+    found = await link.ask_mode(master.clock, wanted, master.period, config.step_timeout)
     name, ok = mode_name(found), found == wanted
     if found == Mode.NONE and config.family.mode_shown == "enabled":
-        ok = await link.sdo.read(0x6060) == wanted
+        ok = await link.sdo.read(Mappable.MODE.index) == wanted
         name += " until it is enabled"
     elif found == Mode.NONE:
         name += " until it is enabled, which its family file does not allow (mode_shown)"

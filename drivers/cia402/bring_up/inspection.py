@@ -50,7 +50,8 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     """All that bring-up would look at. Raises DeviceError where the drive does not answer."""
     sdo = link.sdo
     able, eds_identity = link.able, (sdo.default(0x1018, 1), sdo.default(0x1018, 2))
-    found = [await _setting(sdo, s) for s in able.fitting(identity(config, eds_identity))]
+    compared = identity(config, eds_identity, keeps_mode=able.keeps_mode)
+    found = [await _setting(sdo, s) for s in able.fitting(compared)]
     found += [_checked(check, HOME) for check in await check_zero(sdo, config)]
     found += [_checked(check, FACTORS) for check in await check_factors(sdo, config)]
     found += [await _state(sdo), await _error_register(sdo)]
@@ -81,7 +82,7 @@ async def _setting(sdo: SdoChannel, setting: Setting) -> InspectedObject:
     except SdoRefusedError as error:
         advice = "this drive lacks what it needs to stop without the host" if setting.write else mend
         return InspectedObject(setting.object, setting.meaning, setting.words, error.reason, Standing.WRONG, advice)
-    found = f"0x{value:X}" if setting.words.startswith("0x") else str(value)
+    found = setting.told(value)
     if setting.holds(value):
         return InspectedObject(setting.object, setting.meaning, setting.words, found, Standing.HOLDS)
     if not setting.write:

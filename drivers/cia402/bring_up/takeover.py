@@ -18,6 +18,7 @@ from drivers.cia402.profile.machine import Command, state_of
 from drivers.cia402.profile.words import controlword, mode_name
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.wire.pdo import Mappable
 from drivers.cia402.wire.strangers import ALL_NODES, END_IT, Strangers
 from drivers.ports import Clock, DriveState
 from fidim_lab.errors import BusError, DeviceError
@@ -43,12 +44,14 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
     if state is not DriveState.QUICK_STOP_ACTIVE:
         return await bring_up(master, link, config)
     checks = [_check(found) for found in await inspect(link, config, master.host_id) if _counts(found)]
-    mode = await link.sdo.read(0x6061)
+    mode = await link.sdo.read(Mappable.MODE_DISPLAY.index)
     wanted = link.mode = config.mode
     checks.append(SettingCheck("6061:0", "mode of operation", mode_name(wanted), mode_name(mode), ok=mode == wanted))
     for setting in link.able.fitting(interpolation(config, master.period)):
         found = await link.sdo.read(setting.index, setting.sub)
-        checks.append(SettingCheck(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found)))
+        checks.append(
+            SettingCheck(setting.object, setting.meaning, setting.words, setting.told(found), ok=setting.holds(found))
+        )
     if wrong := [str(check) for check in checks if not check.ok]:
         raise DeviceError(
             config.device,

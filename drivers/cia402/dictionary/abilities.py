@@ -30,6 +30,21 @@ class Abilities:
         return not self.can_write(0x1016, 1) and self.can_write(0x100C) and self.can_write(0x100D)
 
     @property
+    def without_axis(self) -> str:
+        """Why there is nothing to command, in words; empty where there is."""
+        if self.has(0x6040):
+            return ""
+        other = next((n for n in range(0x6840, 0xA000, 0x800) if self.has(n)), None)
+        return "no 6040:0 (controlword)" + (
+            f", but {other:04X}: only the first axis of a node is driven" if other else ""
+        )
+
+    @property
+    def keeps_mode(self) -> bool:
+        """Whether its mode cannot be chosen (6060): its own configuration has done that."""
+        return self.access(0x6060) is Access.READ
+
+    @property
     def tells_its_state(self) -> bool:
         """Whether its network state is heard: by its heartbeat (1017), or by its answers to node guarding."""
         return self.guarded or self.can_write(0x1017)

@@ -17,7 +17,8 @@ _HOST = 127
 """stands in for the host's node; only whether 1016 can be written counts here"""
 
 
-_COMMANDED = ("6040:0", "6060:0", "607A:0", "6081:0", "6083:0", "60C2:1", "60C2:2")
+_MODE = "6060:0"
+_COMMANDED = ("6040:0", _MODE, "607A:0", "6081:0", "6083:0", "60C2:1", "60C2:2")
 """what a move writes: one that keeps such an object to itself moves otherwise than it is told"""
 
 
@@ -95,7 +96,7 @@ def _grade(
     if requirement.key == "position command" and (says := _without_mode(config.mode, told)):
         return Graded(requirement, Met.ABSENT, says)
     for alternative in requirement.objects:
-        problems = [says for name in alternative if (says := _problem(name, able, wanted.get(name), told))]
+        problems = [says for name in alternative if (says := _problem(name, able, wanted.get(name), told, config.mode))]
         if not problems:
             return Graded(requirement, Met.CONFIGURED, " + ".join(alternative))
         lacks.append(" and ".join(problems))
@@ -108,18 +109,20 @@ def _grade(
     return Graded(requirement, Met.ABSENT, found)
 
 
-def _problem(name: str, able: Abilities, wanted: Setting | None, told: Mapping[str, int]) -> str:
+def _problem(name: str, able: Abilities, wanted: Setting | None, told: Mapping[str, int], mode: Mode) -> str:
     """Why this object does not meet what is required of it; empty where it does."""
     index, sub = (int(part, 16) for part in name.split(":"))
     access = able.access(index, sub)
     if access is Access.ABSENT:
-        return f"no {name}"
+        return (able.without_axis if name == "6040:0" else "") or f"no {name}"
     if access is Access.WRITE or (wanted is None and name not in _COMMANDED):
         return ""
-    if wanted is None:
-        return f"{name} is read only"
     value = told.get(name)
-    if value is not None and (wanted.holds(value) or value in _STOPS.get(name, ())):
+    if name == _MODE:
+        value = value or told.get("6061:0") or mode  # not told: bring-up sees what its own configuration is
+        if value == mode:
+            return ""
+    if value is not None and wanted is not None and (wanted.holds(value) or value in _STOPS.get(name, ())):
         return ""
     return f"{name} is read only{'' if value is None else f' and {value}'}"
 

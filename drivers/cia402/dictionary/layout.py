@@ -18,8 +18,12 @@ _OPTIONAL = (Mappable.MODE.name, Mappable.MODE_DISPLAY.name)
 """asked and told by SDO where no PDO carries them"""
 _SIZED = tuple(entry.name for pdo in (TPDOS[0], RPDO) for entry in pdo.entries)
 """counts and words, whose size is the profile's"""
+_NOT_A_NUMBER = (Mappable.VELOCITY.name, "f")
+"""a speed that may be not a number would never be too high; a load that is not is said to be unknown"""
+_WRITTEN = tuple(entry.name for entry in RPDO.entries)
 _AT_ONCE = (254, 255)
 """transmission types of an RPDO that is acted upon at once"""
+_OWN_TIME = ": sent when the drive likes, at rest never; samples of several winches would be of different instants"
 _LAST_DUMMY = 0x1F
 """objects below are types, and hold places in a mapping"""
 
@@ -38,7 +42,7 @@ class PdoLayout:
     tpdos: tuple[PdoMap, ...]
     rpdo: PdoMap
     target: PdoMap | None
-    """of cyclic position mode"""
+    """of cyclic position mode, or where `rpdo` has none"""
     problem: str = ""
     """what cannot be carried, and why; empty where all is"""
     velocity_digit: float = 1.0
@@ -50,12 +54,12 @@ class PdoLayout:
         return (*self.tpdos, self.rpdo, *(() if self.target is None else (self.target,)))
 
     def asks(self, name: str) -> bool:
-        """Whether the RPDO carries the entry of this name."""
-        return any(entry.name == name for entry in self.rpdo.entries)
+        """Whether an RPDO carries the entry of this name."""
+        return any(pdo.carries(name) for pdo in self.pdos if not pdo.transmit)
 
     def tells(self, name: str) -> bool:
         """Whether a TPDO carries the entry of this name."""
-        return any(entry.name == name for pdo in self.tpdos for entry in pdo.entries)
+        return any(pdo.carries(name) for pdo in self.tpdos)
 
 
 def used_pdos(config: WinchConfig) -> tuple[PdoMap, ...]:
@@ -105,7 +109,7 @@ class _Record:
 
 
 def lay_out(registers: Registers, config: WinchConfig) -> PdoLayout:
-    """As much as goes of statusword, position, mode, velocity, load; a controlword always with its target.
+    """As much as goes of statusword, position, mode, velocity, load; a controlword with its target, or just after it.
 
     Without room for all, the mode is left out first (it is asked by SDO), then the velocity (told by positions), then
     the load. What a PDO with a fixed mapping carries is taken from there, before any is mapped.
@@ -126,8 +130,9 @@ def lay_out(registers: Registers, config: WinchConfig) -> PdoLayout:
             problems.add(f"no TPDO carries {_name(entry)}", why)
     used = sorted((r for r in records if r.entries), key=lambda r: r.pdo.number)
     tpdos = tuple(r.filled(r.entries, TPDOS[0].transmission) for r in used)
-    free, useless = _records(registers, config, RPDO)
-    rpdos = [_received(registers, free, useless, pdo, problems) for pdo in wanted if not pdo.transmit]
+    rpdos, lacks = _commands(registers, config, [pdo for pdo in wanted if not pdo.transmit])
+    for why, every in lacks.found.items():
+        problems.found.setdefault(why, []).extend(every)
     if problems.found:
         return PdoLayout(TPDOS, RPDO, TARGET_RPDO if len(rpdos) > 1 else None, str(problems))
     unit = config.counts_per_digit(config.family.velocity_unit)
@@ -157,6 +162,23 @@ class _Reasons:
 
     def __str__(self) -> str:
         return "; ".join(f"{', '.join(every)} ({why})" for why, every in self.found.items())
+
+
+def _commands(registers: Registers, config: WinchConfig, wanted: list[PdoMap]) -> tuple[list[PdoMap], _Reasons]:
+    """RPDOs with controlword and target together, else with each in one of its own; what lacks the first of both."""
+    found, useless = _records(registers, config, RPDO)
+    transmission = wanted[-1].transmission  # of cyclic position mode each target is taken at a SYNC
+    apart = [
+        replace(RPDO, entries=(Mappable.CONTROLWORD, Mappable.MODE)),
+        replace(TARGET_RPDO, entries=(Mappable.TARGET_POSITION, Mappable.MODE), transmission=transmission),
+    ]
+    tried: list[tuple[list[PdoMap], _Reasons]] = []
+    for every in (wanted, apart):
+        free, lacks = list(found), _Reasons()
+        tried.append(([_received(registers, free, useless, pdo, lacks) for pdo in every], lacks))
+        if not lacks.found:
+            return tried[-1]
+    return tried[0]
 
 
 def _received(registers: Registers, free: list[_Record], useless: str, wanted: PdoMap, problems: _Reasons) -> PdoMap:
@@ -198,9 +220,11 @@ def _why_not(registers: Registers, entry: Entry) -> str:
     if not register.mappable:
         return "PDOMapping is 0, or its family says so"
     if not register.code:
-        return "its DataType is not a whole number of at most 32 bits"
-    if entry.name in _SIZED and code and register.code != code:
-        return f"its DataType has not the {8 * struct.calcsize(code)} bits that CiA 402 gives it"
+        return "its DataType is not a number of at most 32 bits"
+    if entry.name in _WRITTEN and register.access is not Access.WRITE:
+        return "it is read only"
+    if (entry.name in _SIZED and code and register.code != code) or (entry.name, register.code) == _NOT_A_NUMBER:
+        return f"its DataType is not the whole number of {8 * struct.calcsize(code)} bits that CiA 402 gives it"
     return ""
 
 
@@ -222,7 +246,10 @@ def _records(registers: Registers, config: WinchConfig, like: PdoMap) -> tuple[l
             pdo, type_fixed=not _writable(kind), mapping_fixed=fixed is not None, cob_fixed=not _writable(cob)
         )
         if not kinds:
-            useless.add(f"{pdo.communication_index:04X}:2", f"read only and {kind.default}, not {like.transmission}")
+            useless.add(
+                f"{pdo.communication_index:04X}:2",
+                f"read only and {kind.default}, not {like.transmission}{_OWN_TIME * pdo.transmit}",
+            )
         elif pdo.cob_fixed and not _predefined(cob, pdo, config.node_id):
             useless.add(f"{pdo.communication_index:04X}:1", "read only, and another identifier than the standard's")
         elif not places and not fixed:

@@ -9,7 +9,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from drivers.cia402.dictionary.family import DriveFamily
 from drivers.cia402.wire.sdo import told_by_file
 
-_CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"}
+_CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I", 8: "f"}
 """CiA 301 data types that a PDO of ours carries"""
 
 

@@ -38,6 +38,10 @@ class Setting:
         """What is wanted, for messages and tables."""
         return str(self.wanted) if self.mask == _ALL_BITS else f"0x{self.wanted:X} in the bits 0x{self.mask:X}"
 
+    def told(self, value: int) -> str:
+        """A value that was read back, for messages and tables."""
+        return str(value) if self.mask == _ALL_BITS else f"0x{value:X}"
+
     def holds(self, found: int) -> bool:
         """Whether a value that was read back is the wanted one."""
         return (found & self.mask) == (self.wanted & self.mask)
@@ -57,10 +61,10 @@ class SettingCheck:
         return f"{self.object} {self.meaning}: {self.found} found, {self.wanted} wanted"
 
 
-def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Setting, ...]:
+def identity(config: WinchConfig, eds_identity: tuple[int, int], *, keeps_mode: bool = False) -> tuple[Setting, ...]:
     """Who must answer at this node: compared, never written.
 
-    `eds_identity` is vendor and product of the EDS file, 0 meaning any.
+    `eds_identity` is vendor and product of the EDS file, 0 meaning any; keeps_mode: its mode cannot be chosen (6060).
     """
     vendor = eds_identity[0] if config.vendor_id is None else config.vendor_id
     product = eds_identity[1] if config.product_code is None else config.product_code
@@ -76,6 +80,8 @@ def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Settin
     bit = 1 << (config.mode - 1)
     meaning = f"{config.mode.name.lower().replace('_', ' ')} mode supported"
     wanted.append(Setting(0x6502, 0, bit, meaning, write=False, mask=bit))
+    if keeps_mode:
+        wanted.append(Setting(0x6061, 0, config.mode, "mode of operation (6060 is read only)", write=False))
     own = config.family.rated_current
     if own is None:
         wanted.append(Setting(0x6075, 0, round(config.rated_current * 1000), "rated current, mA", write=False))

@@ -207,7 +207,7 @@ class Drive:
         self._displayed = False
         try:
             if not self.link.layout.asks(Mappable.MODE.name):
-                await self.link.sdo.write(0x6060, 0, mode)
+                await self.link.sdo.write(Mappable.MODE.index, 0, mode)
             self.send(order, word)
             await self.display(order, mode)
         except DeviceError:
@@ -217,11 +217,8 @@ class Drive:
     async def display(self, order: int, mode: Mode, timeout: float | None = None) -> None:
         """Wait until the mode is displayed (6061), in a TPDO or asked by SDO. Raises DeviceError."""
         if not self.link.layout.tells(Mappable.MODE_DISPLAY.name):
-            deadline = self._clock.now() + (self._config.step_timeout if timeout is None else timeout)
-            self.link.decoder.displayed = await self.link.sdo.read(0x6061)
-            while self.link.decoder.displayed != mode and self._clock.now() < deadline:
-                await self._clock.sleep(self._period)
-                self.link.decoder.displayed = await self.link.sdo.read(0x6061)
+            seconds = self._config.step_timeout if timeout is None else timeout
+            await self.link.ask_mode(self._clock, mode, self._period, seconds)
         await self._expect(order, lambda v: v.mode == mode, f"{mode_name(mode)} displayed (6061)", timeout=timeout)
         self._displayed = True
 

@@ -50,6 +50,8 @@ async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float
         )
     if not (winch.link.able.can_write(SPEED_LIMIT) and winch.link.able.can_write(TORQUE)):
         raise RefusedError(f"{device} has no speed limit in torque mode (607F): a slack cable's drum would run away.")
+    if winch.link.able.keeps_mode:
+        raise RefusedError(f"{device} cannot pull: its mode (6060) is read only, and torque is another.")
     if any(entry.mapping >> 16 == TORQUE for entry in winch.link.layout.rpdo.entries):
         raise RefusedError(f"{device} cannot pull: its fixed RPDO has the torque (6071) beside the controlword.")
     if state_of(winch.drive.healthy().statusword) is not DriveState.OPERATION_ENABLED:

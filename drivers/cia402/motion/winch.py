@@ -24,6 +24,7 @@ from drivers.cia402.watch.health import HealthPoll
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.nmt import NmtCommand
+from drivers.cia402.wire.pdo import Mappable
 from drivers.ports import Clock, DriveState, WinchSample
 from drivers.trajectory import Trajectory
 from fidim_lab.errors import BusError, DeviceError
@@ -212,7 +213,7 @@ class Cia402Winch:
         """By SDO. A node that NMT has stopped is made pre-operational for it: PDOs stay off. Raises DeviceError."""
         if self._forced:
             self.link.send_nmt(NmtCommand.PRE_OPERATIONAL)
-        return self._scale.length(await self.link.sdo.read(0x6064))
+        return self._scale.length(await self.link.sdo.read(Mappable.POSITION.index))
 
     def power_off(self) -> None:
         """Take the power away: one frame, never waits."""

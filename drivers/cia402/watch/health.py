@@ -21,9 +21,6 @@ from drivers.ports import Clock
 from fidim_lab.data.rigs.rig_winch_tables import Signal, TemperatureObject
 from fidim_lab.errors import DeviceError
 
-FOLLOWING_ERROR = 0x60F4
-POSITION = 0x6064
-MODE_DISPLAY = 0x6061
 PERIOD = 0.5
 """s between two rounds"""
 COMPARED_EVERY = 0.1
@@ -74,7 +71,7 @@ class HealthPoll:
         self._link = link
         self._clock = clock
         self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
-        self._follows = link.sdo.knows(FOLLOWING_ERROR)
+        self._follows = link.sdo.knows(Mappable.FOLLOWING_ERROR.index)
         self._newest = NOTHING_TOLD
         self._doubt = ""
 
@@ -111,11 +108,11 @@ class HealthPoll:
         """Whether samples and encoder agree; what is wrong where they do not."""
         before = self._link.values
         try:
-            told = await self._link.sdo.read(POSITION)
+            told = await self._link.sdo.read(Mappable.POSITION.index)
         except SdoRefusedError:
             await self._clock.sleep(BETWEEN)
             try:
-                told = await self._link.sdo.read(POSITION)
+                told = await self._link.sdo.read(Mappable.POSITION.index)
             except SdoRefusedError as error:
                 return REFUSES_SAYS.format(error.reason)
         if before is None:
@@ -131,11 +128,11 @@ class HealthPoll:
     async def _round(self) -> None:
         found = Health(t=self._clock.now())
         if not self._link.layout.tells(Mappable.MODE_DISPLAY.name):
-            mode = await self._number(MODE_DISPLAY, 0)
+            mode = await self._number(Mappable.MODE_DISPLAY.index, 0)
             if mode is not None:
                 self._link.decoder.displayed = mode
         if self._follows:
-            lag = await self._number(FOLLOWING_ERROR, 0)
+            lag = await self._number(Mappable.FOLLOWING_ERROR.index, 0)
             self._follows = lag is not None
             found = replace(found, following_error=lag)
         if (where := self._temperature) is not None:

@@ -13,10 +13,11 @@ from drivers.cia402.profile.last_motion import LastMotion
 from drivers.cia402.profile.words import Mode
 from drivers.cia402.wire.emcy import Emergency, decode_emergency
 from drivers.cia402.wire.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
-from drivers.cia402.wire.pdo import DriveValues, SampleDecoder
+from drivers.cia402.wire.pdo import DriveValues, Mappable, PdoMap, SampleDecoder
 from drivers.cia402.wire.sdo import SdoChannel
 from drivers.cia402.wire.strangers import TwinWatch
 from drivers.cia402.wire.sync import SyncAnswers, SyncTimes
+from drivers.ports import Clock
 
 _CONTROLWORD_MULTIPLEXER = bytes((0x40, 0x60, 0x00))
 _WRITE_TWO_BYTES = 0x2B
@@ -145,10 +146,10 @@ class NodeLink:
         expedited SDO download, whose answer is not waited for.
         """
         if self.takes_pdos:
-            self.target = target
             rpdo = self.layout.rpdo
-            values = {"CONTROLWORD": word, "MODE": self.mode, "TARGET_POSITION": target}
-            self._transport.send(rpdo.cob_id(self.node_id), rpdo.pack(values))
+            if not rpdo.carries("TARGET_POSITION"):
+                self.send_target(target)  # first: the drive acts on the controlword at once
+            self._command(rpdo, word, target)
         else:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
             self.twins.asked()
@@ -156,11 +157,26 @@ class NodeLink:
 
     def send_target(self, target: int) -> None:
         """One frame with the position (counts, 32 bits) that is taken at the next SYNC."""
-        self.target = target
         if (pdo := self.layout.target) is not None:
-            self._transport.send(pdo.cob_id(self.node_id), pdo.pack({"TARGET_POSITION": target}))
+            self._command(pdo, 0, target)
+
+    def _command(self, rpdo: PdoMap, word: int, target: int) -> None:
+        self.target = target
+        values = {"CONTROLWORD": word, "MODE": self.mode, "TARGET_POSITION": target}
+        self._transport.send(rpdo.cob_id(self.node_id), rpdo.pack(values))
 
     # what is known --------------------------------------------------------------------------------------------------
+
+    async def ask_mode(self, clock: Clock, wanted: Mode, period: float, timeout: float) -> int:
+        """The displayed mode (6061), asked by SDO every `period` (s) until it is `wanted` or `timeout` (s) is over.
+
+        Raises DeviceError.
+        """
+        deadline = clock.now() + timeout
+        while (found := await self.sdo.read(Mappable.MODE_DISPLAY.index)) != wanted and clock.now() < deadline:
+            await clock.sleep(period)
+        self.decoder.displayed = found
+        return found
 
     @property
     def nmt_state(self) -> NmtState | None:

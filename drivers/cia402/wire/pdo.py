@@ -30,6 +30,11 @@ class Mappable(Enum):
     FOLLOWING_ERROR = (0x60F4, 0, "i")
 
     @property
+    def index(self) -> int:
+        """Of the object; its sub-index is 0."""
+        return self.value[0]
+
+    @property
     def code(self) -> str:
         """struct code"""
         return self.value[2]
@@ -82,6 +87,10 @@ class PdoMap:
         """How its bytes are packed."""
         return struct.Struct("<" + "".join(e.code for e in self.entries))
 
+    def carries(self, name: str) -> bool:
+        """Whether one of its entries has this name."""
+        return any(entry.name == name for entry in self.entries)
+
     def pack(self, values: Mapping[str, int]) -> bytes:
         """Its bytes, from values by the names of its entries; those without a name are 0."""
         return self.format.pack(*(values[e.name] if e.name else b"" for e in self.entries))
@@ -107,7 +116,7 @@ RPDO = PdoMap(
 """Acted upon at once, so that a stop does not wait for the next SYNC."""
 
 TARGET_RPDO = PdoMap(2, transmit=False, entries=(Mappable.TARGET_POSITION,), transmission=1)
-"""Of cyclic position mode: all drives take their targets at the same SYNC."""
+"""Of cyclic position mode: all drives take their targets at the same SYNC; at once where its controlword has none."""
 
 TPDOS = (
     PdoMap(1, transmit=True, entries=(Mappable.STATUSWORD, Mappable.POSITION, Mappable.MODE_DISPLAY), transmission=1),

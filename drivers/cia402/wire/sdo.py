@@ -99,7 +99,10 @@ class SdoChannel:
         try:
             data = variable.encode_raw(value)
         except (ValueError, TypeError) as error:
-            raise SetupError(f"{self._device}: {value} does not fit into object {index:04X}:{sub:X}.") from error
+            raise SetupError(
+                f"{self._device}: {value} does not fit into object {index:04X}:{sub:X} ({variable.name}).",
+                hint="Is the unit that of its family (docs/rig.md, Bring your drive)? Else lower the rig file's value.",
+            ) from error
         await self._exchange(what, lambda: self._client.download(index, sub, data))
 
     async def write_verified(self, index: int, sub: int, value: int) -> None:

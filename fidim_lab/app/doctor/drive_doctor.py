@@ -13,8 +13,6 @@ from drivers.cia402.dictionary.fitted import by_file, speed_unit_by_file
 from fidim_lab.app.doctor.checks import BY_TRIAL, Check, CheckVerdict
 from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
 
-_CONTROLWORD = 0x6040
-
 
 def check_eds(path: Path, family_name: str | None) -> list[Check]:
     """The grade table of a drive that nobody has asked yet. Raises FileError where EDS or family cannot be read.
@@ -45,9 +43,9 @@ def check_dictionary(found: EdsFile, family: DriveFamily) -> list[Check]:
     )
     able, grades = by_file(found.dictionary, config)
     checks = [_described(found, family.name), *check_family(found, family), *check_repairs(found)]
-    if not able.has(_CONTROLWORD):
-        advice = "give the file of a drive: this one describes an I/O module, a master or an encoder"
-        return [*checks, Check("drive", CheckVerdict.FAILED, "no controlword (6040)", advice)]
+    if able.without_axis:
+        advice = "give the file of a drive: this one describes an I/O module, a master, an encoder or other axes alone"
+        return [*checks, Check("drive", CheckVerdict.FAILED, able.without_axis, advice)]
     return checks + check_grades(grades, unproven=CheckVerdict.WARNING)
 
 

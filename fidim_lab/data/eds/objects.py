@@ -133,7 +133,7 @@ class _Cleaner:
         parent, subs = entry.parent, dict(entry.subs)
         if parent is None:
             first = min(subs.values(), key=lambda section: section.line)
-            self._say(first, "", f"has no section [{index:04X}] above it: taken as a record")
+            self._say(first, "", "has no section of its object above it: taken as a record")
             parent = EdsSection(f"{index:04X}", first.line)
         compact = self._integer(parent, "compactsubobj") or 0
         if not subs and not compact:

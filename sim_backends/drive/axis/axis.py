@@ -72,7 +72,7 @@ class Axis:
             CYCLIC_POSITION: CyclicPosition(*parts),
         }
         self.state = State.NOT_READY
-        self.mode = 0
+        self.mode = self._number(0x6060)
         self.rejected_modes: set[int] = set()
         self._word = 0
         self._after_stop: State | None = None
@@ -117,7 +117,7 @@ class Axis:
         """NMT reset node: power off, everything forgotten but where the shaft is."""
         self._settle(State.NOT_READY)
         self._errors.acknowledge()
-        self.mode = 0
+        self.mode = self._number(0x6060)
         self._word = 0
 
     def control(self, word: int) -> None:

@@ -52,7 +52,9 @@ def transmit_pdos(dictionary: Dictionary) -> list[TransmitPdo]:
         cob_id = dictionary.number(record, 1, default=_OFF)
         if cob_id & _OFF:
             continue
-        specs = [spec for spec, _ in _mapped(dictionary, record + _MAPPING_OFFSET) if spec is not None]
+        mapped = _mapped(dictionary, record + _MAPPING_OFFSET)
+        specs = [spec for spec, _ in mapped if spec is not None]
+        codes = [f"{size}x" if spec is None else spec.code for spec, size in mapped]
         found.append(
             TransmitPdo(
                 number=number,
@@ -60,7 +62,7 @@ def transmit_pdos(dictionary: Dictionary) -> list[TransmitPdo]:
                 kind=dictionary.number(record, 2, default=255),
                 period=1e-3 * dictionary.number(record, 5),
                 statusword=any(spec.index == 0x6041 for spec in specs),
-                pack=_packer([spec.code for spec in specs], [dictionary.reader(spec.key) for spec in specs]),
+                pack=_packer(codes, [dictionary.reader(spec.key) for spec in specs]),
             )
         )
     return found

@@ -45,7 +45,7 @@ def test_pdos_that_we_do_not_use_are_switched_off(on_bench: OnBench) -> None:
 @pytest.mark.parametrize(
     ("index", "sub", "value", "complaint"),
     [
-        (0x1000, 0, 0x20191, "1000:0 device profile: 131473 found, 0x192 in the bits 0xFFFF wanted"),
+        (0x1000, 0, 0x20191, "1000:0 device profile: 0x20191 found, 0x192 in the bits 0xFFFF wanted"),
         (0x1005, 0, 0x40000080, "1005:0 SYNC identifier"),
         (0x1018, 1, 78, "1018:1 vendor: 78 found, 77 wanted"),
         (0x1018, 4, 98, "1018:4 serial number: 98 found, 99 wanted"),

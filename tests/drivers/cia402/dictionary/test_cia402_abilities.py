@@ -74,6 +74,11 @@ LAYOUTS = {
         config(),
         [["STATUSWORD"], ["POSITION", "MODE_DISPLAY"], ["VELOCITY", "CURRENT"], ["CONTROLWORD", "TARGET_POSITION"]],
     ),
+    "one entry a PDO": (
+        dictionary((1, 1, 1, 1)),
+        config(),
+        [["STATUSWORD"], ["POSITION"], ["VELOCITY"], ["CURRENT"], ["CONTROLWORD"], ["TARGET_POSITION"]],
+    ),
     "32 bits of current": (
         dictionary(o6078=I32),
         config(),
@@ -127,8 +132,7 @@ PROBLEMS = {
         dictionary(()),
         "no TPDO carries 6041:0, no TPDO carries 6064:0 (it has no TPDO); no RPDO carries 6040:0 with 607A:0 (it has",
     ),
-    "one entry": (dictionary((1, 1, 1, 1)), "no RPDO carries 6040:0 with 607A:0 (none of type 255 has 2 places"),
-    "a position of 16 bits": (dictionary(o6064=I16), "no TPDO carries 6064:0 (its DataType has not the 32 bits"),
+    "a position of 16 bits": (dictionary(o6064=I16), "no TPDO carries 6064:0 (its DataType is not the whole number"),
     "no target": (dictionary(o607A=0), "no RPDO carries 607A:0 (there is no such object)"),
     "too few": (dictionary((1,)), "no TPDO carries 6064:0 (no place is left)"),
 }

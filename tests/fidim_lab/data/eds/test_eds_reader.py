@@ -45,7 +45,7 @@ REPAIRED = {
     "doubled key": ("[2000]\nDataType=7\nDataType=6\n", "[2000], line 3: 'DataType' stands twice: the one in line 2"),
     "doubled section": (variable("2000") * 2, "[2000], line 8: stands twice: the one in line 1 counts"),
     "comment": (variable("2000", DataType="0x7 # UDINT"), "[2000], line 4: what follows # is taken as a comment"),
-    "no parent": (variable("2000sub1"), "[2000sub1], line 1: has no section [2000] above it: taken as a record"),
+    "no parent": (variable("2000sub1"), "[2000sub1], line 1: has no section of its object above it: taken as a record"),
     "no sub 0": (variable("2000", ObjectType="9") + variable("2000sub1"), "[2000], line 1: has no sub-index 0: added"),
     "no type": (
         "[6040]\nParameterName=x\n",
