@@ -297,6 +297,7 @@ class WindowProtocol:
             displacement=limits.free_displacement,
             displacement_tolerance=record.displacement,
             motors_still=record.motors_still,
+            encoder_error=self.settings.motion.position_tolerance,
             tension=limits.tension,
             overload=self.settings.hand.tension[1] * limits.tension[1],
             tension_over=record.tension_over,

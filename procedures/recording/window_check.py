@@ -53,7 +53,7 @@ def window_measurements(
         Measurement("amplitude (peak to peak)", _amplitude(place[seen]), "m", low=limits.amplitude),
         *_displacements(place[seen], equilibrium, limits),
         _stillness(recording.lengths, limits.motors_still),
-        _encoder_error(recording.lengths, lengths, limits.motors_still),
+        _encoder_error(recording.lengths, lengths, limits.encoder_error),
         *_tensions(tensions, limits),
     )
 

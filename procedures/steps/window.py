@@ -53,6 +53,8 @@ class WindowLimits:
     """factor on `displacement` beyond which a window is rejected"""
     motors_still: float
     """m, peak to peak of an encoder length"""
+    encoder_error: float
+    """m, the mean of an encoder length against the planned one: motors yield to a swing to both sides alike"""
     tension: tuple[float, float]
     """N, the robot's limits (Eq. 42): marginal beyond them; rejected at 0, or at `overload`"""
     overload: float

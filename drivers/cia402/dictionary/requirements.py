@@ -79,7 +79,10 @@ REQUIREMENTS: tuple[Requirement, ...] = (
         "samples at each SYNC",
         _MUST,
         (),
-        cure="map them with the maker's tool, of transmission type 1, and give the DCF that it saves, or ask for firmware that can be mapped",
+        cure=(
+            "map them with the maker's tool, of transmission type 1, and give the DCF that it saves, or ask for "
+            "firmware that can be mapped"
+        ),
     ),
     Requirement(
         "reaction to a lost host",

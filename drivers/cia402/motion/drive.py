@@ -11,6 +11,7 @@ from drivers.cia402.profile.machine import Command, answer, next_command, state_
 from drivers.cia402.profile.words import (
     FOLLOWS,
     HALT,
+    LOST,
     SET_POINT_ACKNOWLEDGED,
     Mode,
     controlword,
@@ -31,6 +32,7 @@ _LONGEST_WALK = 8
 _SHOWN = 0.05
 """s with power in which a mode must be displayed; a brake takes longer to let go"""
 _TESTED = "the end of its self-test"
+_WITH_POWER = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 _FAULTED = (DriveState.FAULT, DriveState.FAULT_REACTION)
 
 
@@ -50,6 +52,8 @@ class Drive:
         self._halted = False
         self._displayed = False
         """whether it has displayed the mode that it was told last"""
+        self._shown = 0
+        """the statusword with which it was enabled: some drives never set a bit that others lose"""
 
     @property
     def order(self) -> int:
@@ -87,6 +91,9 @@ class Drive:
         if state in _FAULTED:
             last = next((e for e in reversed(self.link.emergencies) if not e.cleared), None)
             return f"the drive is in fault; its last message was {last}" if last else "the drive is in fault"
+        lost = [says for bit, says in LOST.items() if self._shown & ~values.statusword & bit]
+        if lost and state in _WITH_POWER:
+            return "; ".join(lost)
         if state is DriveState.OPERATION_ENABLED and self._displayed and values.mode != self.link.mode:
             return f"it has changed to {mode_name(values.mode)}, {mode_name(self.link.mode)} was commanded"
         return ""
@@ -120,7 +127,7 @@ class Drive:
         Raises DeviceError.
         """
         goal = DriveState.OPERATION_ENABLED
-        self._displayed = False
+        self._displayed, self._shown = False, 0
         for _ in range(_LONGEST_WALK):
             state = state_of(self.healthy().statusword)
             if state is goal:
@@ -165,6 +172,7 @@ class Drive:
         except DeviceError:
             self.send(order, controlword(Command.DISABLE_VOLTAGE))
             raise
+        self._shown = self.believed().statusword
 
     async def clear_acknowledgement(self, order: int) -> None:
         """Some drives show bit 12 from the moment they are enabled until their first handshake.

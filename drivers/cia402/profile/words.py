@@ -29,6 +29,7 @@ def mode_name(value: int) -> str:
 
 # statusword 6041
 VOLTAGE_ENABLED = 1 << 4
+REMOTE = 1 << 9
 TARGET_REACHED = 1 << 10
 SET_POINT_ACKNOWLEDGED = 1 << 12
 FOLLOWS = 1 << 12
@@ -38,6 +39,13 @@ _REMARKS = (
     (1 << 11, "at an internal limit"),
     (1 << 13, "with a following error"),
 )
+
+
+LOST = {
+    VOLTAGE_ENABLED: "it has lost the supply voltage of its power stage (statusword bit 4)",
+    REMOTE: "it takes no more commands from the bus (statusword bit 9, remote, is lost)",
+}
+"""what it means that a drive with power, which has shown this bit, does not any more"""
 
 
 def remarks(statusword: int) -> list[str]:

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import click
-
 from drivers.cia402.bring_up import refuse_other_master
 from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import set_brake
@@ -18,7 +16,7 @@ from fidim_lab.app.service.place import place_of
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
-from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.errors import SetupError
 
 FORMAT = "fidim-brake/1"
 QUESTION = "A load on this cable will fall. Is the load secured, and is nobody under it?"
@@ -46,8 +44,8 @@ def brake_command(options: BrakeOptions) -> int:
     names = [entry.name for entry in file.winches]
     if options.winch not in names:
         raise SetupError(f"{options.rig}: no winch is named {options.winch!r}; there are {', '.join(names)}.")
-    if options.release and not options.yes and not click.confirm(QUESTION):
-        raise RefusedError("The brake was not changed; nothing was sent to the drive.")
+    if options.release and not options.yes:
+        console.confirm(QUESTION, "The brake was not changed; nothing was sent to the drive.")
     compose.run_loop(_set(file, names.index(options.winch), applied=not options.release), real_time=True)
     done = "released" if options.release else "applied"
     console.out.print(f"{options.winch}: brake {done}", markup=False)

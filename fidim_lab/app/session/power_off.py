@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import click
-
 from drivers.cia402.bring_up import refuse_other_master
 from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import acknowledge_fault, read_state, take_power
@@ -21,7 +19,7 @@ from fidim_lab.app.service.place import place_of
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
-from fidim_lab.errors import DeviceError, HardwareError, RefusedError, SetupError
+from fidim_lab.errors import DeviceError, HardwareError, SetupError
 
 FORMAT = "fidim-power-off/1"
 QUESTION = "Without power only brakes and stands hold the platform. Is the load secured?"
@@ -54,8 +52,8 @@ def power_off_command(options: PowerOffOptions) -> int:
     file = read_rig(options.rig)
     if (other := holder(place_of(file, embedded=False))) is not None:
         raise SetupError(in_use(other), hint=ENDED_FIRST)
-    if not options.yes and not click.confirm(QUESTION):
-        raise RefusedError("Nothing was sent to the drives.")
+    if not options.yes:
+        console.confirm(QUESTION, "Nothing was sent to the drives.")
     drives: list[dict[str, object]] = []
     code = compose.run_loop(_power_off(file, options.acknowledged_by, drives), real_time=True)
     write_answer(options.json_file, FORMAT, {"exit_code": code, "drives": drives})

@@ -4,10 +4,12 @@ import sys
 from collections.abc import Iterable
 from typing import Any
 
+import click
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from fidim_lab.errors import RefusedError
 from fidim_lab.say import printable
 
 
@@ -30,6 +32,20 @@ def warn(messages: Iterable[str]) -> None:
     """Print warnings, each on its own line, to standard error."""
     for message in messages:
         err.print(f"warning: {printable(message)}", style="yellow", markup=False)
+
+
+def confirm(question: str, otherwise: str) -> None:
+    """Ask a person. Raises RefusedError with what `otherwise` says for a no, and where the input ends unanswered."""
+    try:
+        if click.confirm(question, err=True):
+            return
+        hint = ""
+    except click.Abort as end:
+        if not isinstance(end.__context__, EOFError):
+            raise
+        click.echo(err=True)  # the question stands without an answer
+        hint = "Standard input has ended, so nobody can answer: --yes confirms it."
+    raise RefusedError(otherwise, hint=hint)
 
 
 def columns(table: Table, *names: str, left: int = 1) -> None:

@@ -188,6 +188,37 @@ def test_a_drive_that_changes_its_mode(rehearsal, fault):
     fault.strikes(rehearsal, lambda stage: stage.write_byte(2, 0x6060, 4), step="Ask", after=0.1)
 
 
+def _lost(bit):
+    def change(data):
+        return struct.pack("<H", struct.unpack_from("<H", data)[0] & ~(1 << bit)) + data[2:]
+
+    return lambda stage: stage.bus.rules.append(FrameRule(frozenset({0x182}), change=change))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive is put under local control (statusword bit 9, remote, is lost)",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 reports a fault: it takes no more commands from the bus",
+    window="none was open",
+)
+def test_a_drive_under_local_control(rehearsal, fault):
+    fault.strikes(rehearsal, _lost(9), step="MoveTo", after=0.25)
+
+
+@pytest.mark.fault(
+    "drives",
+    "the supply of a drive's power stage is lost (statusword bit 4), without a fault",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 reports a fault: it has lost the supply voltage of its power stage",
+    window="kept",
+)
+def test_a_drive_without_voltage(rehearsal, fault):
+    fault.strikes(rehearsal, _lost(4))
+
+
 @pytest.mark.fault(
     "drives",
     "a drive's receive path is dead when all are told to stop",

@@ -17,6 +17,7 @@ LIMITS = WindowLimits(
     displacement=(0.1, 0.1),
     displacement_tolerance=1.25,
     motors_still=3e-3,
+    encoder_error=1e-3,
     tension=(20.0, 200.0),
     overload=250.0,
     tension_over=0.05,
@@ -69,9 +70,9 @@ CASES = {
         "longest gap of the marker is 0.2 s",
     ),
     "not where it was sent": (
-        lambda r: r.lengths.__setitem__((slice(None), 1), 1.404),
+        lambda r: r.lengths.__setitem__((slice(None), 1), 1.402),
         Outcome.FAIL,
-        "encoder error of cable 2 is 4 mm",
+        "encoder error of cable 2 is 2 mm",
     ),
     "a wrong sample": (
         lambda r: r.markers.__setitem__((500, 0, 1), r.markers[500, 0, 1] + 8e-3),

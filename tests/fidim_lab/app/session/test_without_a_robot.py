@@ -4,16 +4,24 @@ import io
 import sys
 from pathlib import Path
 
+import pytest
+
 from fidim_lab.app.cli import run
 
 SIMULATED = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
 
 
-def test_a_brake_is_not_released_where_the_load_is_not_secured(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(("typed", "says"), [("n\n", "nothing was sent"), ("", "nobody can answer: --yes confirms it")])
+@pytest.mark.parametrize("command", [("brake", str(SIMULATED), "winch 1", "--release"), ("power-off", str(SIMULATED))])
+def test_nothing_is_sent_where_nobody_says_that_the_load_is_secured(
+    tmp_path, monkeypatch, capsys, command, typed, says
+):
     monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(sys, "stdin", io.StringIO("n\n"))
-    assert run(["brake", str(SIMULATED), "winch 1", "--release"]) == 1
-    assert "nothing was sent" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+    assert run(command) == 1
+    told = capsys.readouterr().err
+    assert "othing was sent" in told
+    assert says.lower() in told.lower()
 
 
 def test_trials_are_listed_without_a_name_and_not_begun_without_one(tmp_path, monkeypatch, capsys):
