@@ -24,6 +24,8 @@ BANNED = {
     r"\b(imitators|outdone|lone_wrench|so_far|chronicle|desk)\.py\b": "the module's name of today",
     r"\b(MODEL|FORMAT|REAL|FINDINGS|DRIVERS|DESIGN|HOUSE)\.md\b": "a page of docs/spec, which is in every clone",
     r"\.\./shared\b": "something that is in every clone",
+    r"\bthat no fit (has|may|can)\b": "held-out windows",
+    r"\bof its lever\b": "of the distance that is meant",
 }
 
 IN_MESSAGES = {
@@ -39,6 +41,9 @@ IN_MESSAGES = {
     r"\bcomes? on top\b": "in addition",
     r"\bat last:": "the last time:",
     r"\banew\b": "again",
+    r"\b[Mm]end(s|ed|ing)?\b": "correct",
+    r"\b[Ss]ay --": "give",
+    r"\bcannot be meant\b": "is a mistake",
     r"\bfeigns?\b": "may be caused by",
     r"\b(do|does) without\b": "does not need",
     r"\bnobody (knows|tells)\b": "is not known",

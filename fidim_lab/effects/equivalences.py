@@ -1,4 +1,4 @@
-"""What free motion cannot tell apart, known beforehand: gauges and equivalences as data, with reason and way out.
+"""Effects that free motion cannot distinguish, known beforehand: equivalences with their reason and a remedy.
 
 The information matrix finds these and more for the data at hand; this list says why, in words. `CONTAINED` and `GAUGE`
 hold for any data of free motion with locked motors, however good; `NEAR` ones nearly (spec/findings.md: the share of
@@ -15,7 +15,7 @@ class Likeness(StrEnum):
 
     CONTAINED = "the first can do exactly what the others do, and more"
     NEAR = "they explain most of each other's influence"
-    GAUGE = "free motion does not see it at all: states or body take it up"
+    GAUGE = "free motion does not show it at all: states or body absorb it"
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("constant-force", "body-force"),
         Likeness.NEAR,
-        "a platform that keeps upright hardly turns a force of its own against one of the room",
-        "windows at other headings, or with the fan switched off",
+        "a platform that stays upright hardly distinguishes a force fixed to it from one fixed to the room",
+        "record windows at other headings, or with the fan switched off",
     ),
     Equivalence(
         ("cable-torsion", "lay-torque"),
         Likeness.NEAR,
         "a platform that keeps its heading hardly changes the torque of cables that were fixed twisted",
-        "windows at other headings, or another payload: the torque of the lay grows with the tension",
+        "record windows at other headings, or with another payload: the torque of the lay grows with the tension",
     ),
     Equivalence(
         ("frame-sway", "periodic-force"),
@@ -67,20 +67,20 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     Equivalence(
         ("cable-elasticity", "winch-hold-compliance"),
         Likeness.NEAR,
-        "stretch in a cable and in what holds it move the platform in the same way; the encoder sees the latter alone",
+        "stretch of a cable and of its winch move the platform in the same way; the encoder shows the latter alone",
         "look at the encoders during the motion, or compare long cables with short ones",
     ),
     Equivalence(
         ("cable-elasticity", "frame-compliance"),
         Likeness.NEAR,
-        "a cable does not show whether it gives way itself or its post; posts do less for steep cables",
+        "a cable that stretches and a post that bends move the platform alike; posts bend less under steep cables",
         "put a marker on a pulley, or compare equilibria under steep cables with those under flat ones",
     ),
     Equivalence(
         ("time-offset",),
         Likeness.GAUGE,
-        "with locked motors every window's start state takes up a shift of time; only what depends on absolute time "
-        "(motor currents, creep, a periodic force in phase) sees it",
+        "with locked motors every window's start state absorbs a shift of time; only what depends on absolute time "
+        "(motor currents, creep, a periodic force in phase) shows it",
         "record motor currents, or a sync pulse",
     ),
     Equivalence(
@@ -108,28 +108,28 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         ("anchor-offset", "cable-length-bias"),
         Likeness.NEAR,
         "an anchor that moves along its cable is a longer cable",
-        "more equilibria, in which that cable points elsewhere",
+        "record equilibria at which that cable has other directions",
         share=0.9995,
     ),
     Equivalence(
         ("anchor-offset", "pulley-radius"),
         Likeness.NEAR,
         "a larger pulley moves the point where its cable leaves",
-        "more equilibria with other wrap angles",
+        "record equilibria with other wrap angles",
         share=0.9995,
     ),
     Equivalence(
         ("rotational-drag", "swivel-damping"),
         Likeness.NEAR,
-        "near one equilibrium the platform's rotation and its swivels' are the same few freedoms",
-        "equilibria far apart; turn a swivel by hand and time how it stops",
+        "near one equilibrium the platform's rotation and that of the swivels are the same few freedoms",
+        "record equilibria far apart, or turn a swivel by hand and time how long it takes to stop",
         share=0.97,
     ),
     Equivalence(
         ("swivel-friction", "swivel-damping"),
         Likeness.NEAR,
         "dry and viscous friction take the same energy at one amplitude",
-        "let small and large swings decay",
+        "record the decay of small and of large swings",
         share=0.946,
     ),
     Equivalence(
@@ -142,21 +142,21 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         ("attachment-friction", "rotational-drag", "rotational-drag-quadratic"),
         Likeness.NEAR,
         "all take energy from the platform's rotation; they differ in how this depends on rate and axis",
-        "let it turn about each body axis separately, at two sizes: dry friction damps the small swing more, drag "
-        "equally or less",
+        "let the platform rotate about each body axis separately, at two amplitudes: dry friction damps the small swing "
+        "more, drag equally or less",
     ),
     Equivalence(
         ("air-drag-linear", "pulley-friction"),
         Likeness.NEAR,
         "near one equilibrium speed of the centre of mass and wrap rates are the same few freedoms",
-        "equilibria far apart",
+        "record equilibria far apart",
         share=0.944,
     ),
     Equivalence(
         ("swivel-inertia", "cable-mass"),
         Likeness.NEAR,
-        "inertia on the cables' angles is taken up by the body's inertia, at the price of wrong values",
-        "equilibria far apart: the body's inertia is the same everywhere, the swivels' lever is not",
+        "the body's inertia absorbs inertia on the cables' angles, and gets wrong values",
+        "record equilibria far apart: the body's inertia is the same everywhere, the swivels' lever is not",
     ),
 )
 
@@ -188,9 +188,9 @@ SHARED: Mapping[str, tuple[str, ...]] = {
         "frame-compliance",
         "cable-creep",
     ),
-    "mass beside the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
+    "mass in addition to the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
     "an oscillation": ("periodic-force", "frame-sway"),
-    "a force or torque beside gravity": (
+    "a force or torque other than gravity": (
         "constant-force",
         "body-force",
         "lay-torque",
@@ -199,7 +199,7 @@ SHARED: Mapping[str, tuple[str, ...]] = {
     ),
     "clocks": ("clock-rate", "time-offset"),
 }
-"""what effects have in common: what is told of a class whose members cannot be told apart"""
+"""what effects have in common: the name of a class whose members cannot be distinguished"""
 WIDER: Mapping[str, tuple[str, ...]] = {
     "dissipation": ("dissipation of rotation", "dissipation"),
 }

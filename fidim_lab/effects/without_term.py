@@ -20,7 +20,7 @@ class SensorFault(NamedEffect):
     """Outliers, frozen or jumped samples: found in the samples themselves, before any model."""
 
     id: ClassVar[str] = "sensor-fault"
-    says: ClassVar[str] = "outliers, frozen or jumped marker samples: the sensor, not the physics"
+    says: ClassVar[str] = "outliers, frozen samples or jumps of a marker: the sensor, not the physics"
     source: ClassVar[str] = "spec/model.md §5"
 
 
@@ -29,5 +29,5 @@ class UnknownEffect(NamedEffect):
     """Something real that no effect here explains: typed by generic functions of position, velocity and time."""
 
     id: ClassVar[str] = "unknown"
-    says: ClassVar[str] = "something real that none of the others explains"
+    says: ClassVar[str] = "a real effect that none of the others explains"
     source: ClassVar[str] = "spec/model.md §5"

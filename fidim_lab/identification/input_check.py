@@ -29,7 +29,7 @@ def check(campaign: Campaign) -> tuple[str, ...]:
     notes = _units(campaign, fitted)
     _refuse_stillness(campaign, fitted)
     notes += [
-        f"Window {w.id}: the markers do not move beyond their noise, so it says nothing of the inertia."
+        f"Window {w.id}: the markers do not move beyond their noise, so it does not show the inertia."
         for w in fitted
         if not _moves(w, campaign.robot)
     ]

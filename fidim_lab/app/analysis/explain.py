@@ -52,7 +52,7 @@ def explain_command(
 
         with Working("predicting held-out windows and drawing", windows_of(campaign_folder)):
             path = write_explain_page(campaign_folder, explanation, report, pictures)
-        console.out.print(f"Report      {path}", markup=False)
+        console.out.print(f"report      {path}", markup=False)
     return 0
 
 

@@ -45,7 +45,7 @@ def identify_command(
     if ours is not None:
         console.out.print(scaling_table(Forms(paper=result, ours=ours)))
     if report is not None:
-        console.out.print(f"Report      {write_report(campaign_folder, result, report)}", markup=False)
+        console.out.print(f"report      {write_report(campaign_folder, result, report)}", markup=False)
     console.out.print(f"next        {next_command(campaign_folder, result, json_file)}", markup=False)
     return 0 if result.outcome.answers and not result.fallback else 1
 

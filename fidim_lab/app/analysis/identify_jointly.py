@@ -33,7 +33,7 @@ def identify_jointly_command(folders: Sequence[Path], json_file: Path | None, re
     if report is not None:
         from fidim_lab.app.report.pages.joint_page import write_joint_page
 
-        console.out.print(f"Report      {write_joint_page(found, report)}", markup=False)
+        console.out.print(f"report      {write_joint_page(found, report)}", markup=False)
     console.out.print(f"next        {next_command(folders[0], found.result, json_file)}", markup=False)
     return 0 if found.result.outcome.answers else 1
 

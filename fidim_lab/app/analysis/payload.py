@@ -95,7 +95,7 @@ def payload_command(
     for sentence in mass_sentences(found, option.payload):
         console.out.print(sentence, markup=False)
     if report is not None:
-        console.out.print(f"Report      {write_report(campaign, empty, report)}", markup=False)
+        console.out.print(f"report      {write_report(campaign, empty, report)}", markup=False)
     return 0
 
 

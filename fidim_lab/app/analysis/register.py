@@ -76,7 +76,7 @@ def summary(campaign: Campaign, found: Registered) -> RenderableType:
 def sentences(found: Registered) -> list[str]:
     """The answer in words."""
     best, place = found.best, found.best.placement
-    said = [f"{found.samples} instants; what the recordings ask for: {found.free.says}."]
+    said = [f"{found.samples} instants were used. The recordings support fitting {found.free.says}."]
     if found.free.frame:
         turn, shift = (", ".join(f"{x:.2g}" for x in sd) for sd in (np.degrees(best.sd_turn), 1e3 * best.sd_shift))
         said.append(

@@ -175,7 +175,7 @@ def _comment(options: SimulateOptions) -> str:
     """The head of the campaign's robot file."""
     return (
         f"What is known of the robot of a simulated campaign (fidim simulate, backend {options.backend}, "
-        f"seed {options.seed}).\nIts true body, and what else is hidden, stands in {TRUTH}."
+        f"seed {options.seed}).\nIts true body, and what else is hidden, is in {TRUTH}."
     )
 
 

@@ -243,7 +243,7 @@ def explain(
     """Name the physics in CAMPAIGN that the model leaves out, and test the answer on held-out windows.
 
     Every effect of the catalogue is tested. Those that matter are fitted with the inertial parameters, and accepted
-    only if windows that no fit has used are predicted better.
+    only if they improve the prediction of held-out windows.
     """
     from fidim_lab.app.analysis.explain import explain_command
 

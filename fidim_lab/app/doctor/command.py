@@ -128,7 +128,7 @@ def check_package_names() -> Check:
         return Check(
             "package names", CheckVerdict.FAILED, "; ".join(clashes), "install fidim-lab in an environment of its own"
         )
-    return Check("package names", CheckVerdict.OK, "nobody else owns " + ", ".join(OUR_PACKAGES))
+    return Check("package names", CheckVerdict.OK, "no other package has these names: " + ", ".join(OUR_PACKAGES))
 
 
 def check_can() -> Check:
@@ -202,7 +202,7 @@ def check_robot(path: Path) -> list[Check]:
     try:
         robot = read_robot(path)
     except FidimError as error:
-        advice = "mend the file" if path.exists() else "name another file; fidim init robot writes one"
+        advice = "correct the file" if path.exists() else "name another file; fidim init robot writes one"
         return [Check(name, CheckVerdict.FAILED, str(error), advice)]
     count = len(robot.markers)
     checks = [Check(name, CheckVerdict.OK, f"{robot.n} cables, {count} marker{'s' * (count != 1)}, {robot.mass:g} kg")]

@@ -70,7 +70,7 @@ def check_family(found: EdsFile, family: DriveFamily) -> list[Check]:
         return []
     own = "look up the units of 6081, 606C and 6083: others than counts go into a family file of your own"
     advice = f"try family {', '.join(known)}" if known else own
-    advice = f"{advice}: a drive of other units goes at another speed than is meant"
+    advice = f"{advice}: a drive with other units would move at another speed"
     return [Check(name, CheckVerdict.WARNING, f"{family.name}, for {found.vendor or 'a drive of no maker'}", advice)]
 
 

@@ -23,7 +23,7 @@ def check_place(file: RigFile, lengths: Lengths | None, watched: Watched | None)
     missing = "encoders or their zeros" if lengths is None else "the main marker"
     places = [] if watched is None else [f.positions[0] for f in watched.frames if f.positions and f.positions[0]]
     if lengths is None or not places:
-        return [Check(NAME, CheckVerdict.WARNING, f"not compared: {missing} not known", "mend that first", wanted)]
+        return [Check(NAME, CheckVerdict.WARNING, f"not compared: {missing} not known", "correct that first", wanted)]
     seen = np.array(places)
     if (swing := float(np.linalg.norm(np.ptp(seen, axis=0)))) > settings.off:
         found = f"not compared: the marker moves by {1e3 * swing:.0f} mm"

@@ -34,7 +34,7 @@ def copies(robot: Robot) -> RobotFinding:
             return RobotFinding(
                 "copies", False, found, f"Measure D of cable {k}: its table looks copied from cable {j}."
             )
-    return RobotFinding("copies", True, f"All {robot.n} anchors are at places of their own.")
+    return RobotFinding("copies", True, f"All {robot.n} anchors differ.")
 
 
 def roll(robot: Robot) -> RobotFinding:
@@ -42,7 +42,7 @@ def roll(robot: Robot) -> RobotFinding:
     anchors, held = (np.array([getattr(cable, key) for cable in robot.cables]) for key in ("d", "a"))
     wide = {"anchors (d)": _slenderness(anchors), "attachments (a)": _slenderness(held)}
     shown = ", ".join(f"{name} {value:.2f}" for name, value in wide.items())
-    found = f"Width over length of their area: {shown}."
+    found = f"Width divided by length: {shown}."
     thin = [name for name, value in wide.items() if value < THIN]
     if robot.n < 3 or not thin:
         return RobotFinding(
@@ -87,7 +87,7 @@ def _unlike(robot: Robot, wraps: PerCable, turned: list[int]) -> str:
         mirrored = abs(180.0 - wraps[k] - usual) < MIRRORED
         causes = [f"its x, y, z are those of cable {like}"] if like else []
         causes += ["its z looks turned round (z points along the cable from the winch to D)"] if mirrored else []
-        why = " or ".join(causes) or "check its d and z, unless its winch stands elsewhere than the others"
+        why = " or ".join(causes) or "check its d and z, unless its winch is placed differently from the others"
         return f"Cable {k + 1} turns by {wraps[k]:.0f}°, the others by about {usual:.0f}°: {why}."
     return ""
 

@@ -17,6 +17,7 @@ from fidim_lab.identification.workspace import Workspace, rest_near
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import ROTATION_SCALE, modes, scaled_singular_values
 from fidim_lab.model.statics import Equilibrium
+from fidim_lab.say import counted
 from fidim_lab.units import HALL
 
 LARGEST_PULLEY = 0.5
@@ -143,7 +144,7 @@ def weight(robot: Robot) -> RobotFinding:
     pull = robot.mass * float(np.linalg.norm(robot.gravity))
     low, high = robot.limits.tension
     found = (
-        f"{robot.mass:g} kg weigh {pull:.1f} N; limits.tension is {low:g} to {high:g} N for each of {robot.n} cable(s)."
+        f"{robot.mass:g} kg weigh {pull:.1f} N; limits.tension is {low:g} to {high:g} N for each of {counted(robot.n, 'cable')}."
     )
     if robot.n * high <= pull:
         return RobotFinding(
@@ -216,16 +217,16 @@ def soft_modes(mechanism: Mechanism, rests: list[Equilibrium]) -> RobotFinding:
         return RobotFinding("soft modes", True, "A single cable has no soft mode.")
     worst = values[int(np.argmin(values[:, -1] / values[:, -2]))]
     ratio = worst[-1] / worst[-2]
-    found = f"The smallest scaled singular value of Ξ is {worst[-1]:.3f}, {ratio:.2f} of the next."
+    found = f"Smallest scaled singular values of Ξ: {worst[-1]:.2g} and {worst[-2]:.2g} (ratio {ratio:.2f})."
     if ratio >= SOFT:
         return RobotFinding("soft modes", True, found)
     lever = max(float(worst[-1]) * ROTATION_SCALE, 1e-6)
     turn = np.degrees(STRETCH / lever)
     size = f"about {turn:.0f}°" if turn < 90 else "freely"
-    found += f" The cables nearly leave a further freedom: {STRETCH * 1e3:.1f} mm of stretch turns the platform {size}."
+    found += f" The platform can nearly move in a further direction: {STRETCH * 1e3:.1f} mm of stretch turns the platform {size}."
     advice = (
-        "Do not take these cables as rigid: the rigid model is the wrong one here (elastic cables are needed). Wider "
-        "attachments or crossed cables would hold it."
+        "Rigid cables are the wrong model here; use elastic cables. Wider attachments or crossed cables would make the "
+        "platform stiffer."
     )
     return RobotFinding("soft modes", True, found, advice)
 
@@ -244,8 +245,8 @@ def frequencies(mechanism: Mechanism, rests: list[Equilibrium]) -> RobotFinding:
         )
     slow, fast = float(swinging.min()), float(swinging.max())
     found = (
-        f"Modes from {slow:.2f} to {fast:.2f} Hz: {MARKER_RATE / fast:.0f} samples a swing or more at "
-        f"{MARKER_RATE:g} Hz, against a low-pass that stops {STOP_BAND:g} Hz."
+        f"Modes from {slow:.2f} to {fast:.2f} Hz: at least {MARKER_RATE / fast:.0f} samples per period at "
+        f"{MARKER_RATE:g} Hz; the low-pass filter stops {STOP_BAND:g} Hz."
     )
     if fast >= STOP_BAND:
         advice = "The low-pass removes the fastest mode: total least squares cannot see it. Check inertia and geometry."

@@ -30,7 +30,7 @@ def compare_command(first: Path, second: Path, json_file: Path | None, report: P
     if report is not None:
         from fidim_lab.app.report.pages.compare_page import write_compare_page
 
-        console.out.print(f"Report      {write_compare_page(found, report)}", markup=False)
+        console.out.print(f"report      {write_compare_page(found, report)}", markup=False)
     return 0 if found.agree else 1
 
 

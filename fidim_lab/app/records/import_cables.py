@@ -56,7 +56,7 @@ class CableOrder:
         named = ",".join(map(str, self.order))
         words = f"the robot file's cables 1 to {len(self.order)} are the log's {named}: as read, lengths by log and by"
         words = f"{words} poses differ by {self.as_read * 1e3:.3g} mm rms, in that order by {self.fits * 1e3:.2g} mm"
-        return f"{words}. The log counts for nothing so; say --cables {named}, or exchange them in --log-map"
+        return f"{words}. Therefore the log is not used; give --cables {named}, or exchange them in --log-map"
 
 
 def cable_order(takes: Sequence[LogLengths]) -> CableOrder | None:

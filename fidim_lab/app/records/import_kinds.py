@@ -33,6 +33,7 @@ from fidim_lab.data.importers.vicon_text import read_trajectories
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import FidimError, SetupError
+from fidim_lab.say import counted
 
 MARKER_READERS: Mapping[str, Callable[[Path], MarkerLog]] = MappingProxyType(
     {
@@ -160,7 +161,7 @@ def _files(kind: str, sources: Sequence[Path], pattern: str | None) -> Sequence[
         elif pattern is None or fnmatch.fnmatchcase(source.name, pattern):
             found.append(source)
     if not found:
-        raise SetupError(f"No file is named by {', '.join(map(str, sources))[:200]} {pattern or ''}".rstrip() + ".")
+        raise SetupError(f"No file matches {', '.join(map(str, sources))[:200]} {pattern or ''}".rstrip() + ".")
     return found
 
 
@@ -205,7 +206,7 @@ def _with_markers(robot: Robot, takes: Sequence[Take]) -> Robot:
     if len(robot.markers) >= 3:
         return robot
     if any(not take.markers.bodies for take in takes):
-        what = f"The robot file names {len(robot.markers)} markers; a pose needs three."
+        what = f"The robot file names {counted(len(robot.markers), 'marker')}; a pose needs three."
         raise SetupError(what, hint="Add extra_markers, or export a rigid body.")
     return replace(robot, extra_markers=tuple(robot.marker + VIRTUAL * axis for axis in np.eye(3)[:2]))
 

@@ -110,7 +110,7 @@ def _with_unit(mechanism: Mechanism, log: MarkerLog, asked: Asked, error: Refuse
         if not np.isclose(LENGTH_UNITS[unit], log.scale):
             what = f"The unit is not the one that {'was requested' if asked.unit else 'the file says'}: in {unit} the"
             what = f"{what} distances between the markers fit the robot file to {misfit * 1e3:.1f} mm"
-            return RefusedError(what, hint=f"Say --unit {unit}.")
+            return RefusedError(what, hint=f"Give --unit {unit}.")
     return error
 
 
@@ -139,7 +139,7 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     if mended.relabelled:
         warnings = (
             *warnings,
-            f"labels were wrong in {mended.relabelled} samples and were mended by the rigid distances",
+            f"labels were wrong in {mended.relabelled} samples and were corrected by the rigid distances",
         )
     t, even = _even(log, mended.markers)
     _refuse_mirrored(even, body)
@@ -149,7 +149,7 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     turned = even @ reading.turn.T
     positions, rotations, rms = fit_pose(turned, body)
     if _are_solved(turned):
-        said = (*said, "markers were computed from a pose: they are rigid to the last digit. Three stand for it")
+        said = (*said, "markers were computed from a pose (they are rigid to the last digit), so three of them are used")
         turned = _three_of(turned, body)
     return PosedTake(
         t, turned, positions, rotations, rms, picked, (*said, *told.decided), (*warnings, *told.warnings)
@@ -199,7 +199,7 @@ def _order(
         order = tuple(names.index(name) for name in asked.order)
         return order, order_of(markers[:, order], body)[1], ()
     order, misfit, certain = order_of(markers, body)
-    doubt = "another order of the markers fits nearly as well: check it, or say --order"
+    doubt = "another order of the markers fits nearly as well: check it, or give --order"
     return order, misfit, () if certain else (doubt,)
 
 
@@ -298,7 +298,7 @@ def _upright(
         raise RefusedError(
             f"With {asked.up} upwards, as requested, cable lengths vary by {chosen.varies * 1e3:.1f} mm though the "
             f"motors are locked; with {best.up} upwards by {best.varies * 1e3:.1f} mm.",
-            hint=f"Say --up {best.up}.",
+            hint=f"Give --up {best.up}.",
         )
     if chosen.varies > STRAY:
         what = f"C{shown[1:]} by the poses with {chosen.words}, and in no reading less than {best.varies * 1e3:.1f} mm"
@@ -308,7 +308,7 @@ def _upright(
         if asked.up is not None:  # someone knows the frame
             return chosen, Decision((f"{chosen.words}, as requested",), (what,))
         hint = hint or "Correct anchors and markers in the robot file, or calibrate the capture frame."
-        soft = f"If the cables are so soft that they stretch by this, say --up {chosen.up[-1]}."
+        soft = f"If the cables are so soft that they stretch by this, give --up {chosen.up[-1]}."
         raise RefusedError(what, hint=f"{hint} {soft}")
     rivals = [r for r in fitting if r.varies < CLEAR * chosen.varies and not _same(r, chosen)]
     _ask(chosen, rivals, said)
@@ -348,11 +348,11 @@ def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -
             f"Not distinguishable: {chosen.words} fits no better than {other.words}.",
             hint="Export rotations as quaternions, or say their order in the column map."
             if chosen.body and chosen.body.read_as
-            else "Say --body.",
+            else "Give --body.",
         )
     other = next((rival for rival in rivals if rival.up != chosen.up), None)
     if said is None and other is not None:
         what = f"{chosen.up} ({chosen.varies * 1e3:.1f} mm) or {other.up} ({other.varies * 1e3:.1f} mm)"
         raise RefusedError(
-            f"Which axis points upwards is not in the file; by the cable lengths {what}.", hint="Say --up."
+            f"Which axis points upwards is not in the file; by the cable lengths {what}.", hint="Give --up."
         )

@@ -7,7 +7,8 @@ there with the reason and never stops the others.
 """
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median_low
@@ -37,8 +38,10 @@ TWICE = 0.5
 """share of a take's samples that are those of others: noise makes no two of them alike"""
 JUMP = 3e-4
 """m, by which the misfit of the rigid markers changes from one sample to the next where a marker is mislabelled"""
-MOST_SAID = 12
-"""lines of decisions on screen, half of a terminal; import.json has all"""
+MOST_NAMED = 8
+"""takes named with a decision on screen, about half a line; import.json has all"""
+PIECE = re.compile(r"(--[\w-]+ \S+)|\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+"""an option to be typed, which stays as it is, or a number"""
 OF_WINDOW = "window "
 """how a decision on one window begins"""
 
@@ -54,6 +57,10 @@ class TakeWindows:
     refused: str = ""
     lengths: LogLengths | None = None
     """by the log and by the poses, where there is a log that reaches over a window"""
+
+    def short(self, warning: str) -> str:
+        """A warning beside the take's name, without that name in it."""
+        return re.sub(rf"^{OF_WINDOW}{re.escape(self.take.id)}(-\d+)?: ", "", warning)
 
 
 def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | None) -> int:
@@ -214,39 +221,45 @@ def _table(group: Takes, found: Sequence[TakeWindows], windows: Sequence[Window]
     }
 
 
-def _together(found: Sequence[TakeWindows]) -> dict[str, list[str]]:
-    """What was decided of takes, each sentence once, and of which; what windows have follows with them."""
-    said: dict[str, list[str]] = {}
-    for one in found:
-        for words in one.decided:
-            if not words.startswith(OF_WINDOW):
-                said.setdefault(words, []).append(one.take.id)
-    return said
+def _merged(said: Iterable[tuple[str, str]]) -> list[tuple[str, tuple[str, ...]]]:
+    """Sentences that differ in their numbers alone as one, with ranges; and the takes of which they were said."""
+    alike: dict[str, tuple[list[str], list[str]]] = {}
+    for id, words in said:
+        sentences, ids = alike.setdefault(PIECE.sub(lambda piece: piece[1] or "#", words), ([], []))
+        sentences.append(words)
+        ids.append(id)
+    return [(_with_ranges(sentences), tuple(dict.fromkeys(ids))) for sentences, ids in alike.values()]
+
+
+def _with_ranges(sentences: Sequence[str]) -> str:
+    """The first of sentences that differ in their numbers alone, each number as the range that it has in all."""
+    numbers = zip(*([n[0] for n in PIECE.finditer(words) if not n[1]] for words in sentences), strict=True)
+    ends = (sorted(set(texts), key=float) for texts in numbers)
+    ranges = iter(["…".join(dict.fromkeys((texts[0], texts[-1]))) for texts in ends])
+    return PIECE.sub(lambda piece: piece[1] or next(ranges), sentences[0])
 
 
 def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
-    out = console.out
     windows = sum(len(one.windows) for one in found)
-    out.print(
+    lines = [
         f"{group.name}: {counted(len(found), 'take')} of {group.robot.n} cables, {counted(windows, 'window')} of free "
-        "motion",
-        markup=False,
+        "motion"
+    ]
+    decided = [(one.take.id, words) for one in found for words in one.decided]
+    for words, ids in _merged(said for said in decided if not said[1].startswith(OF_WINDOW)):
+        few = f"{', '.join(ids[:MOST_NAMED])}{' …' if len(ids) > MOST_NAMED else ''}"
+        lines.append(f"  {words}" if len(ids) == len(found) else f"  {words}  ({few})")
+    told = (
+        ("", [(id, words.partition(": ")[2]) for id, words in decided if words.startswith(OF_WINDOW)]),
+        ("check ", [(one.take.id, one.short(words)) for one in found for words in one.warnings]),
+        ("left out: ", [(one.take.id, one.refused) for one in found if one.refused]),
+        ("not read: ", group.unread.items()),
     )
-    said = _together(found)
-    for words, ids in list(said.items())[:MOST_SAID]:
-        whose = "" if len(ids) == len(found) else f"  ({', '.join(ids[:3])}{' …' if len(ids) > 3 else ''})"
-        out.print(f"  {words}{whose}", highlight=False, markup=False)
-    if len(said) > MOST_SAID:
-        out.print(f"  … and {len(said) - MOST_SAID} more in import.json", highlight=False, markup=False)
-    for one in found:
-        for words in one.decided:
-            if words.startswith(OF_WINDOW):
-                out.print(f"  {words.removeprefix(OF_WINDOW)}", highlight=False, markup=False)
-        for warning in one.warnings:
-            out.print(f"  check {one.take.id}: {warning}", highlight=False, markup=False)
-        if one.refused:
-            out.print(f"  {one.take.id} left out: {one.refused}", highlight=False, markup=False)
-    for name, why in group.unread.items():
-        out.print(f"  {name} not read: {why}", highlight=False, markup=False)
-    if windows:
-        out.print(f"Written to {folder} (import.json lists the decisions); next: fidim identify {folder}", markup=False)
+    for head, said in told:
+        lines += [f"  {head}{', '.join(ids)}: {words}" for words, ids in _merged(said)]
+    end = f"Written to {folder} (import.json lists the decisions); next: fidim identify {folder}"
+    if not windows:
+        end = f"No window was found, so there is no campaign. {folder / JOURNAL} lists the reasons; remove {folder} "
+        end += "before you repeat the command."
+    for line in (*lines, end):
+        console.out.print(line, highlight=False, markup=False)

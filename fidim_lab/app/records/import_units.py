@@ -26,7 +26,7 @@ def in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[Marke
     if log.unit_said:
         return log, ()
     unit = _unit_of(mechanism, log)
-    return _scaled(log, LENGTH_UNITS[unit]), (f"lengths in {unit}: the file does not say, the robot file fits so",)
+    return _scaled(log, LENGTH_UNITS[unit]), (f"lengths in {unit}: not stated in the file, but the marker distances of the robot file fit",)
 
 
 def units_that_fit(mechanism: Mechanism, log: MarkerLog) -> dict[str, float]:
@@ -67,4 +67,7 @@ def _unit_of(mechanism: Mechanism, log: MarkerLog) -> str:
         )
         if np.nanmedian(away) < reach:
             return unit
-    raise RefusedError("The file does not say its unit of length, and in none the robot file fits.", hint="Say --unit.")
+    raise RefusedError(
+        "The file does not state its unit of length, and the markers fit the robot file in none.",
+        hint="Check which columns are which marker's x, y and z, and the markers of the robot file; or give --unit.",
+    )

@@ -17,7 +17,7 @@ def report_command(folder: Path, out: Path | None, pictures: Path | None = None,
 
     with Working("identifying and drawing", windows_of(folder)):
         path = write_report(folder, None, out, pictures)
-    console.out.print(f"Report      {path}", markup=False)
+    console.out.print(f"report      {path}", markup=False)
     if pictures is not None:
         console.out.print(f"Pictures    {pictures}", markup=False)
     made = {"file": str(path), "bytes": path.stat().st_size, "pictures": None if pictures is None else str(pictures)}

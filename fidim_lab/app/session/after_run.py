@@ -15,7 +15,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.errors import HardwareError
 
 EMERGENCY_STOP = "The emergency stop guard"
-"""begin of the reason of a run that a person stopped"""
+"""how the reason of a run that a person stopped begins"""
 
 
 def advise(spec: RunSpec, code: int, power: Iterable[str]) -> None:
@@ -39,12 +39,12 @@ def load_advice(spec: RunSpec, code: int, load: float | None = None, cores: int 
     if code != HardwareError.exit_code or load <= cores or EMERGENCY_STOP in reason:
         return ()
     where = (
-        "The simulated drives run on it too: the delays come from this computer, not from the winches."
+        "The simulated drives run on it too, so delays may come from this computer."
         if spec.embedded
-        else "It receives its data late."
+        else "Data may be received late."
     )
     return (
-        f"This computer is overloaded: in the last minute {load:.1f} processes competed for its {cores} cores. {where}",
-        "End other programs on it, then:",
+        f"This computer was busy as well: in the last minute {load:.1f} processes competed for its {cores} cores. {where}",
+        "If late data was the cause, end other programs, then:",
         f"    fidim resume {shlex.quote(str(spec.out))}",
     )

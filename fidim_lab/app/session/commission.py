@@ -48,7 +48,7 @@ def commission_command(options: CommissionOptions) -> int:
     if not options.listing and not options.by.strip():
         raise SetupError(
             "--by is missing: somebody must be at the robot while its stops are tested.",
-            hint='Say --by "A. Name".',
+            hint='Give --by "A. Name".',
         )
     file = read_rig(options.rig)
     out = (options.out or free_folder(f"commission-{options.rig.stem}")).absolute()

@@ -59,6 +59,8 @@ class Console:
 
     def _take(self, message: Message) -> None:
         match message:
+            case Happening(kind="prompt") if self._operator is not None:
+                pass  # the question follows
             case Happening():
                 if self._midline:
                     self._show("\n")
@@ -86,9 +88,9 @@ class Console:
             await self._service.answer(question.number, choice)
 
     def _interrupt(self, name: str) -> None:
-        if self._aborting is None:
-            console.err.print("aborting: the robot is being held …", markup=False)
+        if self._aborting is None:  # the order goes out first: Ctrl-C may have ended what this terminal writes to
             self._aborting = asyncio.ensure_future(self._abort(name))
+            console.err.print("aborting: the robot is being held …", markup=False)
 
     async def _abort(self, name: str) -> None:
         with suppress(ServiceGoneError):

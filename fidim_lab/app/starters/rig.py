@@ -44,7 +44,7 @@ def rig_text(wish: RigWish) -> str:
     where = "devices that fidim simulators serves on this computer" if wish.simulated else "your hardware"
     first = f"    fidim simulators {wish.path}         # in another terminal\n" if wish.simulated else ""
     opening = f"""A rig of {wish.robot.n} winches: {where}. docs/rig.md explains each table.
-A line that begins with # and a key is what counts without it. When done:
+A line with # before a key shows the default of that key. When done:
 {first}    fidim doctor --rig {wish.path}       # reads and compares, moves nothing"""
     return document("rig", opening, [*_top(wish), *_winches(wish), *_outside(wish), *_guards(wish.simulated)])
 
@@ -76,7 +76,7 @@ def _winches(wish: RigWish) -> list[Section]:
         "max_acceleration": 1.0 if wish.simulated else 0.5,
         **(SLOW if wish.simulated else {}),
     }
-    every = "What counts for each [[winch]] that does not say otherwise."
+    every = "Values for each [[winch]] that does not state its own."
     return [
         Section("[every_winch]", winch_tables.RigWinchTable, values, every, only=common),
         *(
@@ -84,7 +84,7 @@ def _winches(wish: RigWish) -> list[Section]:
             for key, model, says in (
                 ("stop", winch_tables.StopReactions, "What a drive does by itself: CiA 402 option codes."),
                 ("temperature", winch_tables.TemperatureObject, "If the drive reports its temperature."),
-                ("sto", winch_tables.Signal, "Input that is on while safe torque off is."),
+                ("sto", winch_tables.Signal, "Input that is on while safe torque off is active."),
                 ("brake_output", winch_tables.Signal, "Output that applies the holding brake."),
             )
         ),

@@ -24,10 +24,10 @@ SKEW = 0.45
 
 def robot_text(path: Path, cables: int) -> str:
     """The file as text; `path` is how the commands in it call it."""
-    opening = f"""A robot of {cables} cables: replace every number by that of yours. docs/own-robot.md has the drawing.
+    opening = f"""A robot of {cables} cables: replace every number by yours. docs/own-robot.md has a drawing.
 World frame: fixed to the room, the frame of the motion capture, z up. Body frame: fixed to the platform, origin P.
-A line that begins with # and a key is what counts without it. When done:
-    fidim doctor --robot {path}        # what cannot be meant, and a drawing
+A line with # before a key shows the default of that key. When done:
+    fidim doctor --robot {path}        # finds mistakes, draws the robot
     fidim dry-run --robot {path}       # the whole experiment on simulators"""
     return document("robot", opening, _sections(cables))
 
@@ -50,8 +50,8 @@ def _sections(cables: int) -> list[Section]:
         Section(
             "[survey]",
             SurveyTable,
-            says="How well the geometry is known. Without this table both an exact and a usual survey are fitted, and "
-            "the recordings decide. Take the # away from the table and from what you know.",
+            says="How well the geometry is known. Without this table an exact and a usual survey are both fitted, and "
+            "the recordings decide. Remove the # before the table and before what you know.",
             commented=True,
         ),
         *(_cable(number, cables) for number in range(cables)),

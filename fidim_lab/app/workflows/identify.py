@@ -122,7 +122,7 @@ def closing_sentence(result: IdentificationResult) -> str:
     ratio = max((p.spread or 0.0) / p.sd for p in result.parameters.values() if p.sd > 0)
     noise = result.noise_ratio or 0.0
     lever = abs(s_z.value - result.attachment_plane)
-    size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
+    size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of s_z − a_z)"
     fitted = sum(window.used and window.role is Role.IDENTIFY for window in result.windows)
     if result.outcome is ResultOutcome.MISFIT:
         found = (

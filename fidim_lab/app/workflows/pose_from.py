@@ -38,7 +38,7 @@ def _notes(sensed: Sensed, source: PoseSource) -> tuple[str, ...]:
     zeros, sensors = sensed.zeros, "swivel angles, lengths and inclination"
     what = sensors if source is PoseSource.SWIVEL else f"{sensors} together with the markers"
     notes = [
-        f"Poses come from {what}; the marker columns of the windows stand for four virtual markers with "
+        f"Poses come from {what}; the marker columns of the windows hold four virtual markers with "
         f"{millimetres(sensed.campaign.robot.sensors.marker_noise):.2g} mm of noise."
     ]
     if sensed.calibrated:

@@ -50,7 +50,7 @@ class CableStiffness(NamedEffect):
 
     id: ClassVar[str] = "cable-elasticity"
     variant: ClassVar[str] = "whatever the length"
-    says: ClassVar[str] = "cables, or what holds them, stretch whatever their length, l = l₀ + τ/k; parameter 1/k"
+    says: ClassVar[str] = "cables or their mounts stretch by the same amount at any length, l = l₀ + τ/k; parameter 1/k"
     source: ClassVar[str] = "Hooke; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("softness", "m/N", "1/k is positive", scale=1e-7, low=0.0, high=1e-3, start=1e-5),

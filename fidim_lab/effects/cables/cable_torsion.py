@@ -28,7 +28,7 @@ class CableTorsion(NamedEffect):
     """
 
     id: ClassVar[str] = "cable-torsion"
-    says: ClassVar[str] = "twisted cables turn the platform back, potential Σ (½ k φ² − p φ)/ρ, φ its turn about each"
+    says: ClassVar[str] = "twisted cables turn the platform back, potential Σ (½ k φ² − p φ)/ρ, φ: rotation about each cable"
     source: ClassVar[str] = "torsion of a rod, T = G J φ/ρ"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("k", "N m²", "torsional rigidity G J of a cable", scale=0.01, low=0.0, high=10.0, start=0.02),
@@ -54,7 +54,7 @@ class HoseTorsion(NamedEffect):
 
     id: ClassVar[str] = "cable-torsion"
     variant: ClassVar[str] = "a hose from above"
-    says: ClassVar[str] = "a twisted hose from above turns the platform back, potential ½ k ψ² − p ψ, ψ its turn"
+    says: ClassVar[str] = "a twisted hose from above turns the platform back, potential ½ k ψ² − p ψ, ψ: its twist"
     source: ClassVar[str] = "torsion of a rod"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("k", "N m/rad", "a stiffness is positive", scale=0.01, low=0.0, high=10.0, start=0.02),

@@ -25,7 +25,7 @@ class AirDragLinear(NamedEffect):
     """F = −c v_G."""
 
     id: ClassVar[str] = "air-drag-linear"
-    says: ClassVar[str] = "drag of slow air at the centre of mass, F = −c v_G"
+    says: ClassVar[str] = "linear air drag at the centre of mass, F = −c v_G"
     source: ClassVar[str] = "Stokes; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N s/m", "drag takes energy", scale=0.1, low=0.0, high=100.0, start=0.2),
@@ -50,7 +50,7 @@ class AirDragQuadratic(NamedEffect):
     """F = −c ‖v_G‖ v_G."""
 
     id: ClassVar[str] = "air-drag-quadratic"
-    says: ClassVar[str] = "drag of turbulent air at the centre of mass, F = −c ‖v_G‖ v_G, c = ½ ρ C A"
+    says: ClassVar[str] = "quadratic air drag at the centre of mass, F = −c ‖v_G‖ v_G, c = ½ ρ C A"
     source: ClassVar[str] = "Newton's drag law; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N s²/m²", "drag takes energy", scale=0.2, low=0.0, high=100.0, start=0.5),

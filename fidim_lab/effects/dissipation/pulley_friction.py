@@ -18,7 +18,7 @@ class PulleyFriction(NamedEffect):
     """Torque −viscous φ̇ − dry sign(φ̇), smoothed, on each wrap angle φ."""
 
     id: ClassVar[str] = "pulley-friction"
-    says: ClassVar[str] = "loss at the wrap, torque −viscous φ̇ − dry tanh(φ̇ / 0.01 rad/s) on the wrap angle φ"
+    says: ClassVar[str] = "friction of the pulley, torque −viscous φ̇ − dry tanh(φ̇ / 0.01 rad/s) on the wrap angle φ"
     source: ClassVar[str] = "Coulomb and viscous; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("viscous", "N m s", "damping takes energy", scale=0.01, low=0.0, high=100.0, start=0.02),
@@ -46,7 +46,7 @@ class PulleyFrictionByTension(NamedEffect):
 
     id: ClassVar[str] = "pulley-friction"
     variant: ClassVar[str] = "by tension"
-    says: ClassVar[str] = "loss at the wrap in proportion to the tension, torque −arm τ tanh(φ̇ / 0.01 rad/s)"
+    says: ClassVar[str] = "friction of the pulley in proportion to the tension, torque −arm τ tanh(φ̇ / 0.01 rad/s)"
     source: ClassVar[str] = "Coulomb; Euler and Eytelwein for a cable that slips on its groove"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("arm", "m", "friction takes energy", scale=5e-5, low=0.0, high=0.1, start=1e-4),

@@ -41,7 +41,7 @@ class RotationalDragPerAxis(NamedEffect):
 
     id: ClassVar[str] = "rotational-drag"
     variant: ClassVar[str] = "per body axis"
-    says: ClassVar[str] = "viscous torque against the rotation, another about each body axis, T = −R diag(c) Rᵀ ω"
+    says: ClassVar[str] = "viscous torque against the rotation, with a coefficient for each body axis, T = −R diag(c) Rᵀ ω"
     source: ClassVar[str] = "spec/irma4u.md §3.3: yaw is damped most on IRMA4U"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(f"c{axis}", "N m s", f"drag about {axis} takes energy", scale=0.01, low=0.0, high=10.0, start=0.02)
@@ -62,7 +62,7 @@ class RotationalDragQuadratic(NamedEffect):
     """T = −c ‖ω‖ ω."""
 
     id: ClassVar[str] = "rotational-drag-quadratic"
-    says: ClassVar[str] = "drag of turbulent air on a body that turns, T = −c ‖ω‖ ω"
+    says: ClassVar[str] = "quadratic air drag on the rotation, T = −c ‖ω‖ ω"
     source: ClassVar[str] = "Rayleigh's drag of each surface element, whose speed is proportional to ω"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N m s²", "drag takes energy", scale=0.02, low=0.0, high=10.0, start=0.02),

@@ -18,7 +18,7 @@ class FrameMisalignment(NamedEffect):
     """
 
     id: ClassVar[str] = "frame-misalignment"
-    says: ClassVar[str] = "motion capture reports points turned by (rx, ry, rz), then shifted by (dx, dy, dz)"
+    says: ClassVar[str] = "motion capture reports points rotated by (rx, ry, rz), then shifted by (dx, dy, dz)"
     source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *vector("r", "rad", "turned about", scale=1e-3, most=0.2),

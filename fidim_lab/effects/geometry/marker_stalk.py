@@ -42,7 +42,7 @@ class MarkerStalk(NamedEffect):
     """
 
     id: ClassVar[str] = "marker-stalk"
-    says: ClassVar[str] = "a marker on a stalk along e that bends: k = 1/(2π f)² for each m/s² across it, damping ζ"
+    says: ClassVar[str] = "a marker on a flexible stalk along e: k = 1/(2π f)² for each m/s² across it, damping ζ"
     source: ClassVar[str] = "Newton; deflection of a cantilever, F L³/(3 E I)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("k", "s²", "a stalk gives way to what pulls it", scale=2e-5, low=0.0, high=0.02, start=1e-4),

@@ -107,7 +107,7 @@ def _misfit(change: Change, sample: PoseSamples, unchanged: Mechanism) -> float:
 
 
 def _mistake(change: Change, before: float, after: float) -> Mistake:
-    says = f"{change.says}: with that undone, markers and cable lengths agree within {after * 1e3:.2g} mm; "
+    says = f"{change.says}: if corrected, markers and cable lengths agree within {after * 1e3:.2g} mm; "
     says += f"as the files are, {_missed(before)}."
     if after > DATA_CHECKS.robot_mistakes_part:
         says += " That is still too much: something else is wrong as well."
@@ -116,8 +116,8 @@ def _mistake(change: Change, before: float, after: float) -> Mistake:
 
 
 def _uncured(nearest: Change, before: float, after: float, tried: int, *, open_: bool) -> Mistake:
-    says = f"Markers and cable lengths contradict it: {_missed(before)}. None of {tried} simple changes cures that "
-    says += "(order of cables, units, axes, turns); nearest: "
+    says = f"Markers and cable lengths contradict it: {_missed(before)}. {tried} simple changes (order of cables, units, axes, turns) "
+    says += "were tried, and none removes this; the nearest: "
     says += f"{nearest.says[0].lower()}{nearest.says[1:]} ({after * 1e3:.2g} mm)."
     if open_:
         says += f" These recordings do not show whether it is {' or '.join(PLACED)}: look there next."
@@ -125,4 +125,4 @@ def _uncured(nearest: Change, before: float, after: float, tried: int, *, open_:
 
 
 def _missed(before: float) -> str:
-    return "no pose fits" if not np.isfinite(before) else f"they miss by {before * 1e3:.3g} mm"
+    return "no pose fits" if not np.isfinite(before) else f"they differ by {before * 1e3:.3g} mm" if before < 1.0 else f"they differ by {before:.3g} m"

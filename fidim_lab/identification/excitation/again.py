@@ -39,7 +39,7 @@ def why_again(seen: Float[np.ndarray, " modes"], plan: Excitation, again: Excita
     amiss = missed(seen, plan, close)
     if amiss or (again.why_less and more <= (1 + 2 * close) * found):
         return amiss
-    return f"it swung {1e3 * found:.1f} mm as planned; with what it taught {1e3 * more:.1f} mm can be reached"
+    return f"it swung {1e3 * found:.1f} mm as planned; with what it showed {1e3 * more:.1f} mm can be reached"
 
 
 def _size(swing: Float[np.ndarray, " modes"]) -> float:

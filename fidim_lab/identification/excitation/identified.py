@@ -36,7 +36,7 @@ def bodies_of(campaign: Campaign) -> Bodies:
     robot = campaign.robot
     found = fit(Mechanism(robot, (RotationalDrag(),)), campaign.windows[-LATEST:], hasty=True)
     if not found.chi2_per_dof < MISFIT:
-        left = f"{found.chi2_per_dof:.1f}; up to {MISFIT:g} it is believed"
+        left = f"{found.chi2_per_dof:.1f}; at most {MISFIT:g} is accepted"
         raise RefusedError(f"The rigid model with drag leaves a χ²/dof of {left}.")
     size = sizes(robot.nominal)
     seen = HONEST**2 * max(1.0, found.chi2_per_dof) * found.covariance[:BODY, :BODY] + np.diag((FINEST * size) ** 2)

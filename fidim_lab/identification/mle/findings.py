@@ -147,6 +147,8 @@ def answer(ended: ResultOutcome, found: Fit, figures: Figures, lacks: str) -> Sh
     verdict = " ".join(filter(None, (ended.value, lacks, ending)))
     more_than_noise = ended is ResultOutcome.CONVERGED and not found.explained
     advice = (ResultOutcome.MISFIT if more_than_noise else ended).next
+    if ended.good and not more_than_noise and figures.leave_one_out is None:
+        advice = "Record three windows or more: only the spread between them shows how good the parameters are."
     return ShortAnswer(verdict, " ".join(parts), not_known(figures), advice)
 
 
@@ -182,13 +184,13 @@ def closing(result: IdentificationResult) -> str:
     s_z = result.parameters["s_z"]
     lever = abs(s_z.value - result.attachment_plane)
     error = max(s_z.sd, s_z.spread or 0.0)
-    size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
+    size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of s_z − a_z)"
     size = size if s_z.seen else "s_z is not determined"
     held = _held_out(result.windows)
     judged = ""
     if held:
         values = plain(min(held)) if len(held) == 1 else f"{plain(min(held))} to {plain(max(held))}"
-        judged = f", and held-out windows with χ²/dof of {values}"
+        judged = f"; held-out windows have χ²/dof {values}"
     spread = result.leave_one_out is not None
     basis = (
         "By the spread between windows" if spread else "By the sd only, since there are too few windows for a spread,"
@@ -199,9 +201,9 @@ def closing(result: IdentificationResult) -> str:
             f"{judged}. {basis} {size}; an error that is the same in all windows is not included."
         )
     if any(SOMETHING in warning for warning in result.warnings):
-        return f"Little more than noise is left{judged}, but more than chance explains. {basis} {size}."
+        return f"Little more than noise is left, but more than chance explains{judged}. {basis} {size}."
     alone = "" if spread else " by the sd only, since there are too few windows for a spread"
-    return f"The model explains the recordings down to noise{judged}: {size}{alone}."
+    return f"The model explains the recordings down to noise{judged}. {size}{alone}."
 
 
 def window_notes(found: Fit, w: int) -> tuple[str, ...]:

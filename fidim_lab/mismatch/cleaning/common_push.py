@@ -24,7 +24,7 @@ from fidim_lab.mismatch.thresholds import SHARED
 def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact, ...]:
     """A contact in every window, at the same time in each; none where nothing shows that.
 
-    model: the best without a hand. held: windows that no fit has seen.
+    model: the best without a hand. held: held-out windows.
     """
     level = whiteness(model.leftovers).level
     windows = {window.id: window for window in held}

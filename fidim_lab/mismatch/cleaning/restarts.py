@@ -52,7 +52,7 @@ class Parts:
 def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) -> tuple[Contact, ...]:
     """Every push, one a window, where the windows that were not pushed are white; none where nothing shows that.
 
-    model: the best. predicted, held: what it leaves of windows that no fit has seen, and these windows.
+    model: the best. predicted, held: what it leaves of held-out windows, and these windows.
     """
     leftovers = (*model.leftovers, *predicted.leftovers)
     odd = _odd(leftovers)

@@ -5,7 +5,7 @@ Words of an explanation whose values are all there already; the parts of one ans
 
 from collections.abc import Iterable
 from dataclasses import replace
-from math import isfinite
+from math import floor, isfinite, log10
 
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
@@ -16,11 +16,11 @@ from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, plain
 
 MOST_CAUSES = 3
-"""told in a part; the tables have all"""
+"""listed in a part; the tables have all"""
 MOST_SIZES = 2
-"""parameters told of each"""
+"""parameters listed of each"""
 MOST_MEMBERS = 2
-"""told of a class beside its first"""
+"""listed of a class beside its first"""
 HEADS = {
     Verdict.NOTHING_MISSING: "Nothing is missing.",
     Verdict.EXPLAINED: "Left out: {names}.",
@@ -81,9 +81,9 @@ def _certain(told: Explanation) -> Iterable[str]:
 
 
 def _doubtful(told: Explanation) -> Iterable[str]:
-    """Errors of readings, which a model told that misses more than noise: they may be what it lacks."""
+    """Errors of readings under a model that leaves more than noise: physics may be missing instead."""
     if told.readings and told.verdict is Verdict.UNKNOWN_PHYSICS:
-        yield f"Whether this is so, or looks so for what is missing: {told.readings[0].says}"
+        yield f"Whether this error is real, or an image of the missing physics: {told.readings[0].says}"
 
 
 def _all_told(told: Explanation) -> str:
@@ -119,10 +119,10 @@ def _name(cause: NamedCause) -> str:
 
 
 def _sizes(parameters: dict[str, EffectParameter]) -> str:
-    """The first of them by their names; those that are beyond chance lead: the others say nothing by themselves."""
+    """The first few, to the digits of their sd; those that are beyond chance come first."""
     leading = sorted(parameters.items(), key=lambda named: not _seen(named[1]))
     said = [
-        f"{name} = {value.value:.3g}{_spread(value.sd)} {value.unit}".removesuffix(" 1")
+        f"{name} = {_value(value)} {value.unit}".removesuffix(" 1")
         for name, value in leading[:MOST_SIZES]
     ]
     return f": {', '.join(said)}" if said else ""
@@ -132,9 +132,13 @@ def _seen(value: EffectParameter) -> bool:
     return value.sd is not None and isfinite(value.sd) and abs(value.value) > SHARED.certain * value.sd
 
 
-def _spread(sd: float | None) -> str:
-    """Nothing where a parameter is held, or where only its nearest size is known."""
-    return f" ± {sd:.1g}" if sd is not None and isfinite(sd) else ""
+def _value(found: EffectParameter) -> str:
+    """With one digit of its sd; without a sd where it is held, or where only its nearest size is known."""
+    sd = found.sd
+    if sd is None or not isfinite(sd) or not sd > 0 or not found.value:
+        return f"{found.value:.3g}"
+    digits = floor(log10(abs(found.value))) - floor(log10(sd)) + 1
+    return f"{plain(found.value, max(1, digits))} ± {plain(sd, 1)}"
 
 
 def _next(told: Explanation) -> str:

@@ -1,8 +1,8 @@
 """Which effects are named without a rival: fits of unlisted effects show where a good fit is no proof.
 
-Leave an effect out of the catalogue, and others are put together until they imitate it: a damping of the swivels
+If an effect is not in the catalogue, others combine to imitate it: a damping of the swivels
 becomes friction there with a tone and a drag beside it, that of a joint which sticks first becomes two drags, a cable
-that stretches a frame that yields with an anchor that is off. Each of them may have no rival that is nearly as good, so
+that stretches a frame that yields, with a wrong anchor. Each of them may have no rival that is nearly as good, so
 odds alone would make it certain (`fidim benchmark explain --without each`).
 """
 

@@ -101,7 +101,7 @@ def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
 
 
 def next_experiment(verdict: Verdict, effects: Sequence[NamedCause], vibration: float | None = None) -> str | None:
-    """The experiment that separates a named effect from a rival; None where nothing is in question.
+    """The experiment that separates a named effect from a rival; None where there is no rival.
 
     vibration: Hz, of a line in what is left that is faster than the platform swings.
     """
@@ -113,7 +113,7 @@ def next_experiment(verdict: Verdict, effects: Sequence[NamedCause], vibration: 
     if vibration is not None:
         return (
             f"Find what vibrates at {vibration:.3g} Hz: cameras, frame, drives or a fan (an accelerometer on each "
-            "tells), or cables that ring as springs."
+            "shows it), or cables that vibrate."
         )
     if verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return "Repeat one window at the same place with half the displacement: this separates force from geometry."
@@ -233,7 +233,7 @@ def _law_without_a_name(terms: Sequence[LawTerm]) -> str:
 
 
 def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:
-    """Free motion tells forces per mass alone: their sizes are as right as the robot file's mass."""
+    """Free motion determines forces per mass alone: their sizes are as good as the robot file's mass."""
     units = {value.unit for cause in effects for value in cause.parameters.values()}
     if not any("N" in unit or "kg" in unit for unit in units):
         return ""

@@ -1,7 +1,7 @@
 """The report on wrong lengths and cameras: errors of readings, and noise other than in the robot file.
 
 A drift of lengths may be physics (cables that grow) and is named as an effect; steps, scatter and the frame of the
-cameras are the sensors' own. Each is told with its size and what it is not told apart from.
+cameras are the sensors' own. Each is reported with its size and with what it cannot be distinguished from.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ from fidim_lab.units import millimetres
 
 NOISE = "marker-noise"
 MOST_CHANNELS = 2
-"""whose noise is told"""
+"""whose noise is reported"""
 NEXT = {
     DRIFT: "Record one place first and last in a session, and home the winches in between.",
     STEP: "Check that cable's drum, and home its winch again.",
@@ -29,7 +29,7 @@ NEXT = {
 
 
 def with_readings(told: Explanation, errors: ReadingErrors | None, cleaned: Cleaned) -> Explanation:
-    """The explanation with what the readings were off by, where that was put right, and with their noise."""
+    """The explanation with errors of readings that were corrected, and with their noise."""
     if errors is None:
         return _with_noise(told, cleaned)
     sensors = cleaned.campaign.robot.sensors

@@ -1,7 +1,7 @@
 """What an explanation says of a geometry that was left open: values for the file, a sentence, and a cause.
 
-Within what surveys usually miss it is no cause. Beyond, the robot file is wrong: that is told as a class, the piece
-that is off most first, because offsets stand for each other, for pulleys, encoder zeros and knots.
+Within usual survey errors it is no cause. Beyond, the robot file is wrong: this is reported as a class, the largest
+error first, because offsets, pulleys, encoder zeros and knots can replace each other.
 """
 
 from collections.abc import Sequence
@@ -81,7 +81,7 @@ def geometry_cause(geometry: Geometry) -> NamedCause:
 
 
 def geometry_says(geometry: Geometry, robot: Robot, wrong: bool, explained: bool) -> str:
-    """How far the robot file is off, and what to do about it; for a survey that it states, that it is counted.
+    """How far the robot file is off, and what to do about it; or that a stated survey was used.
 
     explained: whether the model that is told leaves noise alone.
     """

@@ -1,4 +1,4 @@
-"""The motion capture's clock against the winches': free motion does not see an offset, motor currents do.
+"""The motion capture's clock against the winches': free motion does not show an offset, motor currents do.
 
 With locked motors every window's start takes up a shift of its markers' time. The currents of held motors follow the
 tensions of the fitted motion on the winches' own clock, i = a + b τ(t − offset + rate t) for each window and cable, a
@@ -39,7 +39,7 @@ class Timing:
     rate: float
     rate_sd: float
     courses: int
-    """windows × cables that tell"""
+    """windows × cables that were usable"""
 
     @property
     def is_off(self) -> bool:
@@ -57,7 +57,7 @@ class Timing:
 
 
 def timing(model: Completed) -> Timing | None:
-    """By the motor currents of the windows that were fitted; None where there are none, or too few that tell."""
+    """By the motor currents of the windows that were fitted; None where there are none, or too few that are usable."""
     courses = [course for w in range(len(model.fit.likelihood.recordings)) for course in _courses(model, w)]
     if len(courses) < SHARED.fewest:
         return None
@@ -132,7 +132,7 @@ def retimed(campaign: Campaign, model: Completed) -> Campaign | None:
 
 
 def with_timing(told: Explanation, model: Completed, *, put_right: bool = False) -> Explanation:
-    """The explanation with what is wrong with the clocks, where all else is explained and the currents say so.
+    """The explanation with errors of the clocks, where all else is explained and the motor currents show them.
 
     model: the one that is told of; put_right: of `retimed` windows, in which the currents say the same once more.
     """
@@ -159,7 +159,7 @@ def with_timing(told: Explanation, model: Completed, *, put_right: bool = False)
         causes.append(NamedCause(RATE, None, (), size, says, single=True))
         counts = "the fit uses corrected time stamps" if put_right else "inertia and centre of mass depend on it"
         said.append(
-            f"By the motor currents the cameras' clock runs faster than the winches' by {found.rate:.2g} ± "
+            f"According to the motor currents the cameras' clock runs faster than the winches' by {found.rate:.2g} ± "
             f"{found.rate_sd:.1g}, which free motion alone would hardly show; {counts}."
         )
     if len(causes) == len(told.effects):

@@ -1,4 +1,4 @@
-"""Why a model that was tried lost against the one that is named: a line for people, from what the search knows."""
+"""Why a model that was tried is not the one that is named, as a line for people."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.units import millimetres, percent
 
 MOST_ODDS = 1000.0
-"""told as a number; what is beyond is told as more"""
+"""stated as a number; beyond it the text says “over”"""
 IMPOSSIBLE = "Its best fit is at the limit of what is possible, or beyond it."
 
 
@@ -54,17 +54,17 @@ def why_not_fitted(score: Score, found: Selection, named: Candidate) -> str:
     """Of an effect that was only scored beside the model as it is, and beside the named one."""
     seen = found.first
     if score.log_evidence < SHARED.enough or seen.rest <= 0:
-        return "It explains no more than it would explain of pure noise."
-    of_all = f"Alone it explains {_percent(score.gain / seen.rest)} of what is missing"
+        return "It explains no more than it would of pure noise."
+    of_all = f"Alone it explains {_percent(score.gain / seen.rest)} of the misfit"
     if not named.model.tried:
         return f"{of_all}."
     name, own = forms(named.model), _named_at_first(found, named)
     if own is None or score.gain >= own.gain:
         further = f"; {name} explains all but noise" if named.is_white else ""
         return f"{of_all}{further}{_beside(score, found, named)}."
-    alone = f"Alone it explains {_percent(score.gain / own.gain)} of what {name} explains"
+    alone = f"{_percent(score.gain / own.gain)} of what {name} explains"
     behind = own.log_evidence - score.log_evidence
-    odds = f" (odds {_odds(behind)} to 1 against it)" if behind > ODDS else ""
+    odds = f", odds {_odds(behind)} to 1 against it" if behind > ODDS else ""
     return f"{alone}{odds}{_beside(score, found, named)}."
 
 
@@ -113,7 +113,7 @@ def _beside(score: Score, found: Selection, named: Candidate) -> str:
         return ""
     effect = score.tried[0].effect
     more = [one.log_evidence for one in found.last.singles if one.tried[0].effect == effect]
-    return "; in addition to that it explains nothing more" if more and max(more) < SHARED.enough else ""
+    return "; nothing in addition to it" if more and max(more) < SHARED.enough else ""
 
 
 def _figures(rival: HeldOut, named: HeldOut) -> str:

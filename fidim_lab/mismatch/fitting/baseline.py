@@ -56,7 +56,7 @@ class Baseline:
 
     @property
     def held_out(self) -> tuple[Window, ...]:
-        """Windows that no fit may see."""
+        """Held-out windows."""
         return self.campaign.of_role(Role.VALIDATE)
 
     @property

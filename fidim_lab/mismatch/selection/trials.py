@@ -52,7 +52,7 @@ class Trials:
 
     def look(self, model: Completed) -> View:
         """All scores at a model."""
-        self.say(f"testing all effects in addition to {model.label}")
+        self.say(f"testing all effects{f' in addition to {model.label}' if model.tried else ''}")
         seen = self._seen
         if seen is None or model.tried or seen.model.fit is not model.fit:
             seen = view(model, self.start.tried, self.start.context)

@@ -42,7 +42,7 @@ class ExplainPage:
 def write_explain_page(folder: Path, explanation: Explanation, out: Path, pictures: Path | None = None) -> Path:
     """Write what `explain` found of a campaign folder as one HTML file; returns its path.
 
-    Held-out windows are predicted anew, with the numbers that the explanation states. `pictures`: a folder for all
+    Held-out windows are predicted again, with the numbers that the explanation states. `pictures`: a folder for all
     pictures as SVG files. Raises FileError where something cannot be read or written.
     """
     return write_page(render("explain.html.jinja", _page(read_folder(folder), explanation)), out, pictures)
@@ -80,7 +80,7 @@ def _summary(contents: Contents, explanation: Explanation) -> tuple[tuple[str, s
     shown = "Held-out windows could not be judged."
     if len(figures) == 4:
         shown = (
-            f"On windows that no fit has used, χ²/dof falls from {figures[0]:.3g} to {figures[1]:.3g}, "
+            f"In held-out windows χ²/dof falls from {figures[0]:.3g} to {figures[1]:.3g}, "
             f"and the rms error of the markers from {figures[2]:.3g} to {figures[3]:.3g} mm."
         )
     verdict = VERDICTS[explanation.verdict][2:].capitalize()

@@ -64,7 +64,7 @@ def _with_cad(rows: tuple[ParameterRow, ...], unit: str) -> str:
 def explained_sentence(found: ExplanationTable) -> str:
     """What `fidim explain` made of it, and the body with that."""
     held = found.held_out.chi2_per_dof
-    better = f"held-out χ²/dof goes from {short(held.before)} to {short(held.after)}"
+    better = f"held-out χ²/dof changes from {short(held.before)} to {short(held.after)}"
     if held.before is None or held.after is None:
         better = "no window was held out to test it"
     names = " and ".join(", ".join(one.label for one in found.effects).rsplit(", ", 1))

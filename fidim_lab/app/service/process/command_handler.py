@@ -18,7 +18,7 @@ from fidim_lab.app.service.commands import (
     Start,
     TakeLease,
 )
-from fidim_lab.app.service.latch import Latch, first_words
+from fidim_lab.app.service.latch import AT_START, Latch, first_words
 from fidim_lab.app.service.messages import Answer
 from fidim_lab.app.service.process.board import PromptBoard
 from fidim_lab.app.service.process.session import Lease, ServerSession
@@ -112,9 +112,10 @@ class CommandHandler:
         if not code:
             why = self.latch.why
             return Answer(id=number, ok=True, says=first_words(why), code=self.latch.first_step())
+        what = "stop in which a service starts" if self.latch.why == AT_START else "emergency stop"
         if wrong := self.latch.second_step(code):
             return Answer(id=number, ok=False, says=wrong)
-        self._levers.note(kind="reset", text=f"the emergency stop was reset by {client.name}")
+        self._levers.note(kind="reset", text=f"the {what} was reset by {client.name}")
         return Answer(id=number, ok=True, says="Reset.")
 
 

@@ -149,7 +149,7 @@ def test_a_robot_file_that_does_not_read_fails_with_its_place(tmp_path, capsys):
     assert cli.run(["doctor", "--robot", str(tmp_path / "bad.toml")]) == 1
     shown = " ".join(capsys.readouterr().out.split())
     assert "speed" in shown
-    assert "mend the file" in shown
+    assert "correct the file" in shown
 
 
 @pytest.mark.usefixtures("well")

@@ -84,7 +84,7 @@ def test_another_order_is_told_with_the_option_that_sets_it_right(
 ):
     said = imported(simulated, tmp_path, order, zeros=zeros)
     wanted = ",".join(str(order.index(k) + 1) for k in range(4))
-    assert f"say --cables {wanted}" in said
+    assert f"give --cables {wanted}" in said
     windows = read_campaign(tmp_path / "out").windows
     assert all(window.encoder_zeros is None and window.currents is None for window in windows)
     again = tmp_path / "again"
@@ -113,7 +113,7 @@ def test_logs_that_count_otherwise_are_named_and_blame_no_anchor(
 
 def test_clocks_are_found_though_the_swivels_are_exchanged_too(simulated: Path, tmp_path: Path):
     said = imported(simulated, tmp_path, [1, 0, 2, 3], early=True)
-    assert "say --cables 2,1,3,4" in said
+    assert "give --cables 2,1,3,4" in said
     again = tmp_path / "again"
     again.mkdir()
     assert "check" not in imported(simulated, again, [1, 0, 2, 3], "--cables", "2,1,3,4", early=True)
@@ -123,7 +123,7 @@ def test_one_pose_tells_an_order_by_known_zeros_alone(simulated: Path, tmp_path:
     for name, zeros in (("known", False), ("unknown", True)):
         (tmp_path / name).mkdir()
         said = imported(simulated, tmp_path / name, [1, 0, 2, 3], takes=TAKES[:1], zeros=zeros)
-        assert ("say --cables 2,1,3,4" in said) is not zeros
+        assert ("give --cables 2,1,3,4" in said) is not zeros
 
 
 def test_the_right_order_is_not_doubted(simulated: Path, tmp_path: Path):

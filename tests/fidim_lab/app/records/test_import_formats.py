@@ -217,7 +217,7 @@ def test_an_axis_that_does_not_fit_is_refused_with_the_one_that_does(
     arguments = ["import", *vicon(swing, tmp_path), "--robot", "robot.toml", "--out", "out", "--up", up]
     done = CliRunner().invoke(fidim, arguments)
     assert done.exit_code == 1
-    assert "Say --up z." in done.output.replace("\n", " ")
+    assert "Give --up z." in done.output.replace("\n", " ")
 
 
 def test_an_axis_with_which_cables_would_stretch_is_refused_with_the_one_that_fits(tmp_path: Path, monkeypatch):
@@ -237,7 +237,7 @@ def test_an_axis_with_which_cables_would_stretch_is_refused_with_the_one_that_fi
     assert done.exit_code == 1, done.output
     said = done.output.replace("\n", " ")
     assert "With x upwards, as requested, cable lengths vary by" in said
-    assert "Say --up z." in said
+    assert "Give --up z." in said
 
 
 def test_the_robot_that_comes_along_is_known_by_its_name(tmp_path: Path, monkeypatch):

@@ -163,7 +163,7 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
     write_explanation(folder / "explanation.json", explanation)
     words = words_of(write_report(folder, result_of(dragged)).read_text())
     assert "Repeat it by night." in words
-    said = "fidim explain names what is missing, air-drag-linear: held-out χ²/dof goes from 41 to 1.02. With it"
+    said = "fidim explain names what is missing, air-drag-linear: held-out χ²/dof changes from 41 to 1.02. With it"
     summary = words[: words.index("Parameters")]
     assert summary.index("Found " + said) < summary.index("Without it The centre of mass")  # the body to believe leads
     write_explanation(folder / "explanation.json", replace(explanation, verdict=Verdict.NOTHING_MISSING))
@@ -175,7 +175,7 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
     ("verdict", "says"),
     [
         (Verdict.NOTHING_MISSING, "nothing missing"),
-        (Verdict.PARTLY_EXPLAINED, "a part of what is missing, air-drag-linear: held-out χ²/dof goes from 41 to 1.02"),
+        (Verdict.PARTLY_EXPLAINED, "a part of what is missing, air-drag-linear: held-out χ²/dof changes from 41 to 1.02"),
         (Verdict.UNKNOWN_PHYSICS, "not in its catalogue"),
         (Verdict.SENSOR_FAULT, "a fault of a sensor"),
     ],

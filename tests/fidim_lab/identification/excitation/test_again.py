@@ -40,9 +40,9 @@ def test_a_new_plan_is_made_where_it_is_amiss_or_less_than_wanted(seen: float, b
     ("seen", "by", "again", "why"),
     [
         # as planned, less than wanted: where all of it is in reach by now, or a third more
-        (0.025, plan(0.029), plan(0.030), "as planned; with what it taught 30.0 mm can be reached"),
+        (0.025, plan(0.029), plan(0.030), "as planned; with what it showed 30.0 mm can be reached"),
         (0.025, plan(0.029), plan(0.027, "90 %"), ""),
-        (0.016, CUT, plan(0.025, "83 %"), "as planned; with what it taught 25.0 mm can be reached"),
+        (0.016, CUT, plan(0.025, "83 %"), "as planned; with what it showed 25.0 mm can be reached"),
         (0.016, CUT, plan(0.018, "60 %"), ""),
         # amiss: where it would be nearer to what is wanted
         (0.020, plan(0.030), plan(0.025, "83 %"), "20.0 mm, 30.0 mm were planned"),

@@ -43,14 +43,14 @@ def test_what_is_seen_of_a_cause_is_told_before_what_is_not() -> None:
     parameters = {name: EffectParameter(*value) for name, value in values.items()}
     body = NamedCause("body-force", None, (), parameters, "says", single=True)
     said = answer(explanation(Verdict.EXPLAINED, body)).certain
-    assert said == "body-force: ty = 0.029 ± 0.003 N m, fx = 0.016 ± 0.03 N."
+    assert said == "body-force: ty = 0.029 ± 0.003 N m, fx = 0.02 ± 0.03 N."
 
 
 def test_a_law_without_a_name_is_certain_with_its_sizes() -> None:
     values = {"c": EffectParameter(0.0866, 0.004, "N at 1 m/s"), "p": EffectParameter(0.529, 0.02, "1")}
     law = (LawTerm("a drag flatter than air's", "says", values),)
     found = answer(replace(explanation(Verdict.UNKNOWN_PHYSICS), law=law))
-    assert found.certain == "It acts like a drag flatter than air's: c = 0.0866 ± 0.004 N at 1 m/s, p = 0.529 ± 0.02."
+    assert found.certain == "It acts like a drag flatter than air's: c = 0.087 ± 0.004 N at 1 m/s, p = 0.53 ± 0.02."
 
 
 def test_a_class_is_told_by_what_its_members_share_each_with_its_size() -> None:

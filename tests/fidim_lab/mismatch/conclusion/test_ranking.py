@@ -87,6 +87,5 @@ def test_every_rival_of_a_real_search_is_told_why_it_lost(dragged: Baseline, fou
     told = {one.name: one.lost for one in rivals}
     assert all(told.values())
     assert told["nothing left out"].startswith("It leaves motion unexplained; air-drag-linear leaves only noise")
-    assert "Alone it explains" in told["swivel-friction"]
-    assert "of what air-drag-linear explains (odds over 1000 to 1 against it)" in told["swivel-friction"]
-    assert told["swivel-friction"].endswith("in addition to that it explains nothing more.")
+    assert "of what air-drag-linear explains, odds over 1000 to 1 against it" in told["swivel-friction"]
+    assert told["swivel-friction"].endswith("; nothing in addition to it.")
