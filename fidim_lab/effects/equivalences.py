@@ -142,7 +142,7 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         ("attachment-friction", "rotational-drag", "rotational-drag-quadratic"),
         Likeness.NEAR,
         "all take energy from the platform's rotation; they differ in how this depends on rate and axis",
-        "let the platform rotate about each body axis separately, at two amplitudes: dry friction damps the small swing "
+        "let the platform rotate about each body axis by itself, at two amplitudes: dry friction damps the small swing "
         "more, drag equally or less",
     ),
     Equivalence(

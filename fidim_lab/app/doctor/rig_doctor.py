@@ -85,7 +85,10 @@ async def _check_bus(file: RigFile, clock: Clock) -> tuple[list[Check], Lengths 
         checks += others
         if any(check.verdict is CheckVerdict.FAILED for check in others):
             advice = "end the other master first: questions of ours would mix with its own"
-            return [*checks, Check("drives", CheckVerdict.FAILED, "not read, because another master is active", advice)], None
+            return [
+                *checks,
+                Check("drives", CheckVerdict.FAILED, "not read, because another master is active", advice),
+            ], None
         for number, winch in enumerate(winches):
             asked = await _check_drive(file, winch)
             checks += asked

@@ -143,9 +143,8 @@ def weight(robot: Robot) -> RobotFinding:
     """Tension limits that can carry the platform."""
     pull = robot.mass * float(np.linalg.norm(robot.gravity))
     low, high = robot.limits.tension
-    found = (
-        f"{robot.mass:g} kg weigh {pull:.1f} N; limits.tension is {low:g} to {high:g} N for each of {counted(robot.n, 'cable')}."
-    )
+    cables = counted(robot.n, "cable")
+    found = f"{robot.mass:g} kg weigh {pull:.1f} N; limits.tension is {low:g} to {high:g} N for each of {cables}."
     if robot.n * high <= pull:
         return RobotFinding(
             "weight", False, found, "All cables together cannot carry it: check mass and limits.tension."
@@ -223,7 +222,7 @@ def soft_modes(mechanism: Mechanism, rests: list[Equilibrium]) -> RobotFinding:
     lever = max(float(worst[-1]) * ROTATION_SCALE, 1e-6)
     turn = np.degrees(STRETCH / lever)
     size = f"about {turn:.0f}°" if turn < 90 else "freely"
-    found += f" The platform can nearly move in a further direction: {STRETCH * 1e3:.1f} mm of stretch turns the platform {size}."
+    found += f" The platform can nearly move in a further direction: {STRETCH * 1e3:.1f} mm of stretch turns it {size}."
     advice = (
         "Rigid cables are the wrong model here; use elastic cables. Wider attachments or crossed cables would make the "
         "platform stiffer."

@@ -149,7 +149,10 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     turned = even @ reading.turn.T
     positions, rotations, rms = fit_pose(turned, body)
     if _are_solved(turned):
-        said = (*said, "markers were computed from a pose (they are rigid to the last digit), so three of them are used")
+        said = (
+            *said,
+            "markers were computed from a pose (they are rigid to the last digit), so three of them are used",
+        )
         turned = _three_of(turned, body)
     return PosedTake(
         t, turned, positions, rotations, rms, picked, (*said, *told.decided), (*warnings, *told.warnings)

@@ -210,7 +210,11 @@ def _misreadings(track: Track, scale: float) -> Iterator[tuple[str, str, Track]]
         return
     for unit in UNITS:
         if not np.isclose(LENGTH_UNITS[unit], scale):
-            yield f"lengths in {unit}", f"Give --unit {unit}.", (body, LENGTH_UNITS[unit] / scale * positions, rotations)
+            yield (
+                f"lengths in {unit}",
+                f"Give --unit {unit}.",
+                (body, LENGTH_UNITS[unit] / scale * positions, rotations),
+            )
     turns: dict[str, Rotations] = {"each rotation the other way round (world to body)": rotations.swapaxes(1, 2)}
     xyzw = Rotation.from_matrix(rotations[known]).as_quat()
     for said, order in (("w, x, y, z", [1, 2, 3, 0]), ("x, y, z, w", [3, 0, 1, 2])):

@@ -26,7 +26,9 @@ def in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[Marke
     if log.unit_said:
         return log, ()
     unit = _unit_of(mechanism, log)
-    return _scaled(log, LENGTH_UNITS[unit]), (f"lengths in {unit}: not stated in the file, but the marker distances of the robot file fit",)
+    return _scaled(log, LENGTH_UNITS[unit]), (
+        f"lengths in {unit}: not stated in the file, but the marker distances of the robot file fit",
+    )
 
 
 def units_that_fit(mechanism: Mechanism, log: MarkerLog) -> dict[str, float]:

@@ -44,7 +44,7 @@ def load_advice(spec: RunSpec, code: int, load: float | None = None, cores: int 
         else "Data may be received late."
     )
     return (
-        f"This computer was busy as well: in the last minute {load:.1f} processes competed for its {cores} cores. {where}",
+        f"This computer was busy, too: in the last minute {load:.1f} processes competed for its {cores} cores. {where}",
         "If late data was the cause, end other programs, then:",
         f"    fidim resume {shlex.quote(str(spec.out))}",
     )

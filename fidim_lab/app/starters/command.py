@@ -57,7 +57,9 @@ def init_command(options: InitOptions) -> int:
 def _check_cables(cables: int) -> None:
     """Raises SetupError for robots of which there is no pattern, with the reason."""
     if cables > 5:
-        raise SetupError(f"--cables {cables}: with six cables or more and held motors a platform cannot swing. Allowed: 2 to 5.")
+        raise SetupError(
+            f"--cables {cables}: with six cables or more and held motors a platform cannot swing. Allowed: 2 to 5."
+        )
     if cables < 2:
         what = f"--cables {cables}: allowed are 2 to 5."
         raise SetupError(what, hint="A body on one cord: examples/robots and docs/pendulums.md.")

@@ -28,7 +28,9 @@ class CableTorsion(NamedEffect):
     """
 
     id: ClassVar[str] = "cable-torsion"
-    says: ClassVar[str] = "twisted cables turn the platform back, potential Σ (½ k φ² − p φ)/ρ, φ: rotation about each cable"
+    says: ClassVar[str] = (
+        "twisted cables turn the platform back, potential Σ (½ k φ² − p φ)/ρ, φ: rotation about each cable"
+    )
     source: ClassVar[str] = "torsion of a rod, T = G J φ/ρ"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("k", "N m²", "torsional rigidity G J of a cable", scale=0.01, low=0.0, high=10.0, start=0.02),

@@ -20,7 +20,9 @@ class LayTorque(NamedEffect):
     """T = c τ t on the platform, t along the cable from pulley to platform."""
 
     id: ClassVar[str] = "lay-torque"
-    says: ClassVar[str] = "torque of a laid rope about its own axis, T = c τ t, t from pulley to platform; c > 0 unwinds it"
+    says: ClassVar[str] = (
+        "torque of a laid rope about its own axis, T = c τ t, t from pulley to platform; c > 0 unwinds it"
+    )
     source: ClassVar[str] = "Feyrer, Wire Ropes, torque of the tensioned rope, M = c₁ d S"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "m", "torque for each newton", scale=5e-5, low=-0.05, high=0.05, start=0.0),

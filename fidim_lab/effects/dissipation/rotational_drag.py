@@ -41,7 +41,9 @@ class RotationalDragPerAxis(NamedEffect):
 
     id: ClassVar[str] = "rotational-drag"
     variant: ClassVar[str] = "per body axis"
-    says: ClassVar[str] = "viscous torque against the rotation, with a coefficient for each body axis, T = −R diag(c) Rᵀ ω"
+    says: ClassVar[str] = (
+        "viscous torque against the rotation, with a coefficient for each body axis, T = −R diag(c) Rᵀ ω"
+    )
     source: ClassVar[str] = "spec/irma4u.md §3.3: yaw is damped most on IRMA4U"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(f"c{axis}", "N m s", f"drag about {axis} takes energy", scale=0.01, low=0.0, high=10.0, start=0.02)

@@ -86,7 +86,9 @@ class LooseMassOnAxis(NamedEffect):
 
     id: ClassVar[str] = "loose-mass"
     variant: ClassVar[str] = "along an axis"
-    says: ClassVar[str] = "a mass m that slides along an axis e through b of the platform, on a spring (f) and damper (ζ)"
+    says: ClassVar[str] = (
+        "a mass m that slides along an axis e through b of the platform, on a spring (f) and damper (ζ)"
+    )
     source: ClassVar[str] = "Routh's equations; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *LooseMass.parameters,

@@ -38,6 +38,8 @@ class PeriodicForceOwnPhase(PeriodicForce):
     """The same with a phase of each window: F = s sin(2π f t + φ) + c cos(2π f t + φ)."""
 
     variant: ClassVar[str] = "own phase"
-    says: ClassVar[str] = "a force s sin(2π f t + φ) + c cos(2π f t + φ) at the centre of mass, φ differs between windows"
+    says: ClassVar[str] = (
+        "a force s sin(2π f t + φ) + c cos(2π f t + φ) at the centre of mass, φ differs between windows"
+    )
     extra_states: ClassVar[tuple[ExtraState, ...]] = (PHASE,)
     of_each_window: ClassVar[bool] = True

@@ -116,8 +116,8 @@ def _mistake(change: Change, before: float, after: float) -> Mistake:
 
 
 def _uncured(nearest: Change, before: float, after: float, tried: int, *, open_: bool) -> Mistake:
-    says = f"Markers and cable lengths contradict it: {_missed(before)}. {tried} simple changes (order of cables, units, axes, turns) "
-    says += "were tried, and none removes this; the nearest: "
+    says = f"Markers and cable lengths contradict it: {_missed(before)}. {tried} simple changes "
+    says += "(order of cables, units, axes, turns) were tried, and none removes this; the nearest: "
     says += f"{nearest.says[0].lower()}{nearest.says[1:]} ({after * 1e3:.2g} mm)."
     if open_:
         says += f" These recordings do not show whether it is {' or '.join(PLACED)}: look there next."
@@ -125,4 +125,10 @@ def _uncured(nearest: Change, before: float, after: float, tried: int, *, open_:
 
 
 def _missed(before: float) -> str:
-    return "no pose fits" if not np.isfinite(before) else f"they differ by {before * 1e3:.3g} mm" if before < 1.0 else f"they differ by {before:.3g} m"
+    return (
+        "no pose fits"
+        if not np.isfinite(before)
+        else f"they differ by {before * 1e3:.3g} mm"
+        if before < 1.0
+        else f"they differ by {before:.3g} m"
+    )

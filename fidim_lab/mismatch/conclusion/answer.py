@@ -121,10 +121,7 @@ def _name(cause: NamedCause) -> str:
 def _sizes(parameters: dict[str, EffectParameter]) -> str:
     """The first few, to the digits of their sd; those that are beyond chance come first."""
     leading = sorted(parameters.items(), key=lambda named: not _seen(named[1]))
-    said = [
-        f"{name} = {_value(value)} {value.unit}".removesuffix(" 1")
-        for name, value in leading[:MOST_SIZES]
-    ]
+    said = [f"{name} = {_value(value)} {value.unit}".removesuffix(" 1") for name, value in leading[:MOST_SIZES]]
     return f": {', '.join(said)}" if said else ""
 
 

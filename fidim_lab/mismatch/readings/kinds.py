@@ -23,8 +23,8 @@ CONSTANT = "constant"
 SAYS = {
     DRIFT: "Lengths drift over the session (cables that grow, or encoders that lose their zero)",
     STEP: "Lengths jump between two windows (a slip on the drum, or a zero that was set again)",
-    SCATTER: "Lengths are off by a different amount in each window (encoder resolution or hysteresis, an eccentric drum "
-    "or pulley, or slip: not distinguished)",
+    SCATTER: "Lengths are off by a different amount in each window (encoder resolution or hysteresis, an eccentric "
+    "drum or pulley, or slip: not distinguished)",
     CAMERA_DRIFT: "The cameras' frame drifts over the session",
     CAMERA_STEP: "The cameras' frame is shifted",
     CONSTANT: "Lengths, or the cameras' frame, are off by the same amount in all windows",

@@ -1,8 +1,8 @@
 """From the model without effects to the best set: compute all scores, fit the best few, take one, repeat.
 
 First over the first seconds, wherever whole windows are not followed: cheap, and no phase can slip there. What survives
-is fitted to whole windows, and the search continues there. A term is taken when the evidence supports it (> 5 nats) and,
-of whole windows, when held-out ones are predicted better; a term that another has made needless is dropped again
+is fitted to whole windows, and the search continues there. A term is taken when the evidence supports it (> 5 nats)
+and, of whole windows, when held-out ones are predicted better; a term that another has made needless is dropped again
 (together: a swap). At most three terms.
 """
 

@@ -175,7 +175,7 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
     ("verdict", "says"),
     [
         (Verdict.NOTHING_MISSING, "nothing missing"),
-        (Verdict.PARTLY_EXPLAINED, "a part of what is missing, air-drag-linear: held-out χ²/dof changes from 41 to 1.02"),
+        (Verdict.PARTLY_EXPLAINED, "what is missing, air-drag-linear: held-out χ²/dof changes from 41 to 1.02"),
         (Verdict.UNKNOWN_PHYSICS, "not in its catalogue"),
         (Verdict.SENSOR_FAULT, "a fault of a sensor"),
     ],

@@ -13,7 +13,7 @@ REHEARSAL = RunSpec(plan=Path("/p"), rig=Path("/r"), out=Path("my runs/r1"), emb
 
 def test_the_load_is_named_with_what_to_do() -> None:
     first, *_, last = load_advice(REHEARSAL, 3, load=9.13, cores=2)
-    assert first.startswith("This computer was busy as well: in the last minute 9.1 processes competed for its 2 cores.")
+    assert first.startswith("This computer was busy, too: in the last minute 9.1 processes competed for its 2 cores")
     assert "simulated drives run on it" in first
     assert last == "    fidim resume 'my runs/r1'"
     assert "simulated" not in load_advice(REHEARSAL.model_copy(update={"embedded": False}), 3, load=9.13, cores=2)[0]

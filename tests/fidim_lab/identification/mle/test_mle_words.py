@@ -228,9 +228,7 @@ def test_understated_noise_is_seen_as_noise(four, record):
 
 def test_the_closing_sentence_follows_the_outcome(four, record):
     good = identify(campaign_of(four, record(four, 4)), Method.MLE)
-    assert re.search(
-        r"explains the recordings down to noise; held-out windows have χ²/dof [01]\.\d", closing(good)
-    )
+    assert re.search(r"explains the recordings down to noise; held-out windows have χ²/dof [01]\.\d", closing(good))
     assert "lacks something" in closing(replace(good, outcome=ResultOutcome.MISFIT))
     assert good.answer.verdict == ResultOutcome.CONVERGED.value
     assert good.answer.next == "Nothing more is needed."
