@@ -287,7 +287,7 @@ def test_stops_are_proven_as_typed_and_the_report_shows_them(tmp_path):
             said += chunk.decode()
             asked = said.rfind("abort] ")  # what is typed before the question does not answer it
             if asked > answered:
-                question = said[said.rfind("PROMPT", 0, asked) : asked]
+                question = said[said.rfind("ask: ", 0, asked) : asked]
                 answered = asked
                 # the first winch is tried; the others are left out, for the test's time
                 child.stdin.write("skip\n" if "Next is" in question and "winch-1" not in question else "done\n")
