@@ -40,6 +40,8 @@ JUMP = 3e-4
 """m, by which the misfit of the rigid markers changes from one sample to the next where a marker is mislabelled"""
 MOST_NAMED = 8
 """takes named with a decision on screen, about half a line; import.json has all"""
+MOST_WINDOWS = 12
+"""lines of windows on screen, half of a terminal; more are merged to ranges"""
 PIECE = re.compile(r"(--[\w-]+ \S+)|\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 """an option to be typed, which stays as it is, or a number"""
 OF_WINDOW = "window "
@@ -249,8 +251,11 @@ def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
     for words, ids in _merged(said for said in decided if not said[1].startswith(OF_WINDOW)):
         few = f"{', '.join(ids[:MOST_NAMED])}{' …' if len(ids) > MOST_NAMED else ''}"
         lines.append(f"  {words}" if len(ids) == len(found) else f"  {words}  ({few})")
+    of_windows = [(id, words.removeprefix(OF_WINDOW)) for id, words in decided if words.startswith(OF_WINDOW)]
+    many = len(of_windows) > MOST_WINDOWS
+    lines += [] if many else [f"  {words}" for _, words in of_windows]
     told = (
-        ("", [(id, words.partition(": ")[2]) for id, words in decided if words.startswith(OF_WINDOW)]),
+        ("", [(id, words.partition(": ")[2]) for id, words in of_windows if many]),
         ("check ", [(one.take.id, one.short(words)) for one in found for words in one.warnings]),
         ("left out: ", [(one.take.id, one.refused) for one in found if one.refused]),
         ("not read: ", group.unread.items()),

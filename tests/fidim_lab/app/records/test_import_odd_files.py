@@ -232,13 +232,14 @@ def test_an_export_at_a_lower_rate_keeps_its_times(swing: Swing, tmp_path: Path)
 
 
 def test_a_take_at_another_rate_is_left_out_and_told(swing: Swing, tmp_path: Path):
-    for name, every in (("one", 1), ("two", 1), ("slow", 2)):
+    for name, every in (("one", 1), ("two", 1), ("three", 1), ("slow", 2), ("slower", 4)):
         text = motive(swing, rate=f"{RATE / every:g}", every=every)
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
     write_robot(tmp_path / "robot.toml", swing.robot)
     arguments = ["motive-csv", str(tmp_path), "--takes", "*.csv", "--robot", str(tmp_path / "robot.toml")]
     done = CliRunner().invoke(fidim, ["import", *arguments, "--out", str(tmp_path / "out")])
-    assert "50 Hz, while most takes have 100 Hz" in " ".join(done.output.split())
+    said = " ".join(done.output.split())
+    assert "left out: slow, slower: 25…50 Hz, while most takes have 100 Hz" in said  # one line for both
     campaign = read_campaign(tmp_path / "out")
     assert campaign.sample_rate == RATE
     assert not [window.id for window in campaign.windows if "slow" in window.id]
