@@ -12,8 +12,10 @@ they are noise, as no physics leaves them that is at work there.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
+from jaxtyping import Float
 from scipy.stats import theilslopes
 
 from fidim_lab.arrays import runs
@@ -100,6 +102,21 @@ def without(campaign: Campaign, contacts: Sequence[Contact]) -> Campaign:
         cuts = [(contact.begin, contact.end) for contact in ours]
         windows.extend(parts(window, cuts, CLEANING.free) if ours else [window])
     return replace(campaign, windows=tuple(windows))
+
+
+def deforms(window: Window, places: Float[np.ndarray, "M 3"], contact: Contact) -> bool:
+    """Whether marker distances are off the robot file's during a contact by more than before and after it.
+
+    places: of the markers on the platform (m). No hand does that: a marker that is seen then alone, and elsewhere.
+    """
+    pairs = np.array(list(combinations(range(len(places)), 2)), dtype=int).reshape(-1, 2).T
+    nominal = np.linalg.norm(np.subtract(*places[pairs]), axis=1)
+    seen = np.linalg.norm(np.subtract(*window.markers[:, pairs].swapaxes(0, 1)), axis=2)
+    during = (window.t >= contact.begin) & (window.t <= contact.end)
+    inside, outside = ((seen[use] - nominal) ** 2 for use in (during, ~during))
+    if not (np.isfinite(inside).any() and np.isfinite(outside).any()):
+        return False
+    return bool(np.nanmean(inside) > CLEANING.contacts_above * np.nanmean(outside))
 
 
 def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:

@@ -20,7 +20,7 @@ from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.cleaning.clean import Cleaned
-from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, without
+from fidim_lab.mismatch.cleaning.contacts import Contact, deforms, find_contacts, without
 from fidim_lab.mismatch.cleaning.odd_windows import slipped_encoder, stumble
 from fidim_lab.mismatch.cleaning.off_motion import without_breaks
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments, fit_segments
@@ -86,11 +86,14 @@ def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned | None:
 def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say: Say) -> Cleaned | None:
     """Without these contacts; a sensor that stumbles is a fault, and cut in the same way.
 
-    Where the kinematics are contradicted, what is neither far above free motion nor shown to be a stumble stays in.
+    Where the kinematics are contradicted, what is neither far above free motion nor shown to be a stumble stays in, and
+    so does what goes with markers that are off each other: no hand bends the platform.
     """
-    strict = cleaned.screening.contradicts_kinematics
-    sure = find_contacts(segments, strict=True) if strict else contacts
-    windows = {one.window.id: one for one in segments.windows}
+    sure, windows = contacts, {one.window.id: one for one in segments.windows}
+    if cleaned.screening.contradicts_kinematics:
+        places = cleaned.campaign.robot.markers
+        found = find_contacts(segments, strict=True)
+        sure = [one for one in found if not deforms(windows[one.window].window, places, one)]
     faults: list[Finding] = []
     hands: list[Contact] = []
     cut: list[Contact] = []

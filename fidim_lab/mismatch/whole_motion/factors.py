@@ -1,43 +1,61 @@
-"""By which factors a robot file's geometry is worse than a usual survey: anchors and attachments apart.
+"""By how much a robot file's geometry is worse than a usual survey: for each anchor and attachment a factor of its own.
 
-A platform is machined and measured with a caliper, its room is not: one factor for both would let attachments move as
-far as anchors do.
+A platform is machined and measured with a caliper, its room is not: pieces of one kind are surveyed alike. And one of
+them may be wrong by far, a digit mistyped or a pulley moved: one factor for all would spread its error over the others.
 """
-
-from itertools import product
 
 import numpy as np
 
 from fidim_lab.identification.mle.evidence import FACTORS, SPREAD_OF_FACTORS
 from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, Nuisance
+from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.models import WholeModel
 from fidim_lab.model.sensitivity.equations import BODY
 
 GRID = FACTORS[::4]
-"""neighbours differ by 1.6: that changes the evidence of 24 offsets by less than a nat near its best"""
+"""neighbours differ by 1.6: that changes the evidence of three offsets by a tenth of a nat near its best"""
 TYPICAL = {"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTACHMENT}
 
 
-def likeliest_factors(model: WholeModel) -> tuple[float, float]:
-    """Of anchors and of attachments, by evidence at the model's optimum and a prior of two thirds within a factor 3."""
-    found, terms = model.found, len(model.found.values) - BODY - sum(len(one.sd) for one in model.geometry)
+def likeliest_survey(model: WholeModel) -> tuple[Nuisance, ...]:
+    """The open geometry with the most likely standard deviations, by evidence at the model's optimum and `surprise`."""
+    found, pieces = model.found, model.geometry
+    others = model.prior_sd[: len(model.found.values) - BODY - sum(len(one.sd) for one in pieces)]
     values = max(1, round(model.cost / model.temper))
     problem = Linearised.of(found.tables, model.cost, values, found.values[BODY:] - found.prior.mean[BODY:])
-    before = model.prior_sd[:terms]
 
-    def evidence(anchor: float, attachment: float) -> float:
-        scaled = np.concatenate([before, *(_scaled(one, anchor, attachment) for one in model.geometry)])
-        there, temper = problem.settled(scaled)
+    def evidence(surveyed: tuple[Nuisance, ...]) -> float:
+        there, temper = problem.settled(np.concatenate([others, *(np.array(one.sd) for one in surveyed)]))
         # the sum of squares by few independent values, its size unknown
         size = values * np.log(temper)
-        surprise = (np.log(anchor) ** 2 + np.log(attachment) ** 2) / SPREAD_OF_FACTORS**2
-        return -0.5 * (size + there.strain + there.occam - problem.occam_of_body(temper) + surprise)
+        return -0.5 * (size + there.strain + there.occam - problem.occam_of_body(temper)) - surprise(surveyed)
 
-    anchor, attachment = max(product(GRID, GRID), key=lambda pair: evidence(*pair))
-    return float(anchor), float(attachment)
+    best, most = pieces, evidence(pieces)
+    for _ in range(SHARED.rounds):
+        begun = most
+        for k, piece in enumerate(pieces):
+            for factor in GRID:
+                trial = (*best[:k], _scaled(piece, factor), *best[k + 1 :])
+                said = evidence(trial)
+                best, most = (trial, said) if said > most else (best, most)
+        if most == begun:
+            break
+    return best
 
 
-def _scaled(one: Nuisance, anchor: float, attachment: float) -> np.ndarray:
-    factor = {"anchor": anchor, "attachment": attachment}[one.what]
-    return np.full(len(one.sd), factor * TYPICAL[one.what])
+def surprise(surveyed: tuple[Nuisance, ...]) -> float:
+    """Nats by which these standard deviations are less likely than a usual survey's.
+
+    ln factor = one part that a kind of piece shares + one of the piece's own, each two thirds within ln 3.
+    """
+    nats = 0.0
+    for kind in TYPICAL:
+        logs = np.log([one.sd[0] / TYPICAL[kind] for one in surveyed if one.what == kind])
+        covariance = SPREAD_OF_FACTORS**2 * (np.ones((len(logs), len(logs))) + np.eye(len(logs)))
+        nats += 0.5 * float(logs @ np.linalg.solve(covariance, logs))
+    return nats
+
+
+def _scaled(piece: Nuisance, factor: float) -> Nuisance:
+    return Nuisance(piece.what, piece.effect, (factor * TYPICAL[piece.what],) * len(piece.sd))

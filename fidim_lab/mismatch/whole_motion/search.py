@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.data.records import Campaign, Role, Survey
+from fidim_lab.data.records import Campaign, Role
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.starts.springs import stretches
-from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, nuisances, stated
+from fidim_lab.identification.survey import stated, usual
 from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
-from fidim_lab.mismatch.whole_motion.factors import likeliest_factors
+from fidim_lab.mismatch.whole_motion.factors import likeliest_survey, surprise
 from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
 from fidim_lab.say import Say
@@ -79,9 +79,14 @@ class _Steps:
         opened, exact = self._opened(best), self.trial.closed(best) if best.geometry else best
         if opened is None or exact is None:
             return best
-        chosen = opened if log_odds(opened, exact) > ODDS else exact
+        chosen = opened if log_odds(opened, exact) > ODDS + self._price(opened) else exact
         self.tried += [opened] if opened is not chosen else [exact]
         return chosen
+
+    def _price(self, opened: WholeModel) -> float:
+        """Nats that the choice of its survey costs; none where the robot file states it."""
+        robot = opened.found.likelihood.mechanism.robot
+        return surprise(opened.geometry) if robot.survey is None else 0.0
 
     def beside_rivals(self, begun: WholeModel) -> tuple[WholeModel, tuple[tuple[WholeModel, ...], ...]]:
         """Where the search goes from a model, at its optimum, and the rivals of each of its terms."""
@@ -204,16 +209,11 @@ class _Steps:
         if robot.survey is not None:
             geometry = tuple(one for one in stated(robot) if one.effect not in inside)
             return self.trial.opened(model, geometry) if geometry else None
-        found: WholeModel | None = None
-        factors = likeliest_factors(model) if model.geometry else (SHARED.wide, SHARED.wide)
-        for _ in range(SURVEY_ROUNDS):
-            anchor, attachment = factors
-            survey = Survey.alike(robot.n, anchor * TYPICAL_ANCHOR, attachment * TYPICAL_ATTACHMENT)
-            geometry = tuple(one for one in nuisances(robot, survey) if one.effect not in inside)
-            found = self.trial.opened(found or model, geometry)
-            if found is None:
-                return None
-            factors = likeliest_factors(found)
+        known = {one.effect: one for one in (likeliest_survey(model) if model.geometry else ())}
+        wide = (one for one in usual(robot, SHARED.wide) if one.effect not in inside)
+        found = self.trial.opened(model, tuple(known.get(one.effect, one) for one in wide))
+        for _ in range(SURVEY_ROUNDS - 1):
+            found = None if found is None else self.trial.opened(found, likeliest_survey(found))
         return found
 
 

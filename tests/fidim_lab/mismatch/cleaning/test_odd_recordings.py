@@ -12,7 +12,7 @@ from fidim_lab.identification.cleaning.free_motion import PART
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning import residual_checks
-from fidim_lab.mismatch.cleaning.contacts import Contact, at_the_same_time
+from fidim_lab.mismatch.cleaning.contacts import Contact, at_the_same_time, deforms
 from fidim_lab.mismatch.cleaning.restarts import parts_of
 from fidim_lab.mismatch.cleaning.segments import Segmented, fit_segments
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
@@ -105,7 +105,8 @@ def test_a_hand_with_a_weak_shoulder_is_cut_where_the_kinematics_are_contradicte
     monkeypatch.setattr(residual_checks, "_gone", lambda *_: None)
     t = np.arange(0.0, 20.0, 0.01)
     window = Window(part, Role.IDENTIFY, t, np.zeros((len(t), 1, 3)), None, None)
-    campaign = Campaign("c", SimpleNamespace(), 100.0, (window,))  # type: ignore[arg-type]
+    robot = SimpleNamespace(markers=np.zeros((1, 3)))
+    campaign = Campaign("c", robot, 100.0, (window,))  # type: ignore[arg-type]
     cleaned = residual_checks.Cleaned(campaign, SimpleNamespace(contradicts_kinematics=True))  # type: ignore[arg-type]
     segments = SimpleNamespace(windows=(SimpleNamespace(window=window),), fit=None)
     after = residual_checks._cut(cleaned, segments, (other, wide), lambda _: None)  # type: ignore[arg-type]
@@ -153,3 +154,16 @@ def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones(claim: Call
     held = one(19.8, 100), one(1.0, 100)
     assert figures_of(*held) == "held-out χ²/dof 19.8 → 1, rms 1 → 1 mm"
     assert figures_of(held[1], held[1]) == "held-out χ²/dof 1, rms 1 mm"
+
+
+@pytest.mark.parametrize(("during", "bent"), [(3e-3, True), (0.0, False)])
+def test_a_marker_that_is_seen_for_a_while_and_elsewhere_is_no_hand(during: float, bent: bool) -> None:
+    """As where cameras see one marker from one side alone: the others fit as well then as before and after."""
+    rng, t = np.random.default_rng(3), np.arange(500) / 50
+    places = rng.normal(scale=0.2, size=(4, 3))
+    markers = places + np.sin(t)[:, np.newaxis, np.newaxis] + rng.normal(scale=5e-4, size=(500, 4, 3))
+    inside = (t >= 3.0) & (t <= 7.0)
+    markers[:, 1] = np.where(inside[:, np.newaxis], markers[:, 1] + during * np.array([0.6, 0.0, 0.8]), np.nan)
+    window = Window("i01", Role.IDENTIFY, t, markers, None, None)
+    assert deforms(window, places, Contact("i01", 3.0, 7.0, 4.0, 0.1)) is bent
+    assert not deforms(replace(window, markers=markers[:, :1]), places[:1], Contact("i01", 3.0, 7.0, 4.0, 0.1))

@@ -8,13 +8,18 @@ import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Survey
 from fidim_lab.effects.catalogue import catalogue
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
+from fidim_lab.mismatch.linearised.hypotheses import hypotheses
 from fidim_lab.mismatch.whole_motion.common_part import rigid
+from fidim_lab.mismatch.whole_motion.factors import likeliest_survey
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
+from fidim_lab.mismatch.whole_motion.models import ModelFits
 from fidim_lab.mismatch.whole_motion.search import SearchOutcome, search
 from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds, taken
 from fidim_lab.model.mechanism import Mechanism
@@ -48,10 +53,10 @@ def test_independent_values_give_the_variance_of_a_sum_of_squares():
     assert 0.35 * true < told < 1.3 * true  # a single periodogram halves it, as is said
 
 
-def _recorded(robot: Robot, windows: int, seconds: float) -> Campaign:
+def _recorded(robot: Robot, windows: int, seconds: float, beside: tuple[str, ...] = BESIDE) -> Campaign:
     """Friction at the attachments beside anchors that are 1 and 2 cm off, and a weak field without a name."""
     plan = random_plan(robot, "hidden", windows, 4, 7)
-    hidden = tuple(parse_effect(text, robot.n) for text in (FRICTION, *BESIDE, NAMELESS))
+    hidden = tuple(parse_effect(text, robot.n) for text in (FRICTION, *beside, NAMELESS))
     world = make_world(robot, np.random.default_rng(7), hidden)
     made, _ = simulate_campaign(robot, plan, world, np.random.default_rng(8), recording=Sampling(seconds))
     return made
@@ -65,6 +70,18 @@ def test_of_two_dissipations_the_true_one_is_named_beside_an_open_geometry(irma4
     assert outcome.best.geometry
     assert outcome.best.held_out < 0.5 * outcome.base.held_out
     assert outcome.temper > outcome.best.found.chi2_per_dof
+
+
+def test_an_anchor_that_alone_is_wrong_is_not_spread_over_the_others(irma4: Robot):
+    campaign = _recorded(irma4, 3, 2.5, ("anchor-offset:dx=0.02,dy=-0.015,cable=2",))
+    trial = ModelFits(rigid(campaign, Mechanism(irma4, native=True)), ())
+    friction = next(h for h in hypotheses(irma4).direct if h.effect == AttachmentFriction())
+    rubbing = trial.with_term(trial.as_it_is, friction, friction.absent)
+    assert rubbing is not None
+    begun = trial.opened(rubbing, usual(irma4, 10.0))
+    assert begun is not None
+    anchors = {one.cable: one.sd[0] for one in likeliest_survey(begun) if one.what == "anchor"}
+    assert anchors.pop(2) > 5e-3 > 1e-3 > max(anchors.values())
 
 
 @pytest.fixture(scope="module")
