@@ -13,7 +13,7 @@ from drivers.cia402.bring_up.zero import check_zero
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.grading import grade, refusals
 from drivers.cia402.dictionary.requirements import Graded
-from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, interpolation, limits
+from drivers.cia402.dictionary.settings import STOPS, Setting, SettingCheck, identity, interpolation, limits
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode, mode_name
 from drivers.cia402.watch.master import CanopenMaster
@@ -41,6 +41,8 @@ CLEARED = (
 UNSAMPLED = "Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?"
 OF_A_MOVE = ("6083:0", "6084:0")
 """ramps that each move sets anew"""
+_ON = COB_OFF | COB_MASK
+"""what counts of an identifier"""
 _COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
 
 
@@ -108,10 +110,23 @@ async def forgotten(link: NodeLink, config: WinchConfig, host_id: int) -> list[s
 
     Ramps are left out, which each move sets anew. Raises DeviceError where the drive does not answer.
     """
-    limited = limits(config, host_id, guarded=link.able.guarded)
-    written = [s for s in link.able.fitting(limited) if s.write and s.object not in OF_A_MOVE]
+    written = (s for s in _written(link, config, host_id) if s.object not in OF_A_MOVE)
     found = [(setting, await link.sdo.read(setting.index, setting.sub)) for setting in written]
     return [f"{s.object} {s.meaning}: {value} found, {s.words} written" for s, value in found if not s.holds(value)]
+
+
+def stops_rest_on(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
+    """What a working drive must keep as it was written: else its next stop is another, or does not reach it."""
+    heard = (
+        Setting(pdo.communication_index, 1, pdo.cob_id(link.node_id), f"identifier of RPDO {pdo.number}", mask=_ON)
+        for pdo in link.layout.pdos
+        if not pdo.transmit
+    )
+    return (*(s for s in _written(link, config, host_id) if s.object in STOPS), *heard)
+
+
+def _written(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
+    return tuple(s for s in link.able.fitting(limits(config, host_id, guarded=link.able.guarded)) if s.write)
 
 
 def _eds_identity(link: NodeLink) -> tuple[int, int]:
@@ -224,7 +239,7 @@ async def _switch_off(link: NodeLink, index: int, ids: set[int]) -> SettingCheck
 async def _compare(link: NodeLink, entry: ObjectValue) -> SettingCheck:
     found = await link.sdo.read(entry.index, entry.sub)
     is_cob = entry.sub == 1 and entry.index in _COMMUNICATION
-    compared = found & (COB_OFF | COB_MASK) if is_cob else found
+    compared = found & _ON if is_cob else found
     return SettingCheck(
         f"{entry.index:04X}:{entry.sub:X}",
         "PDO mapping",

@@ -6,12 +6,12 @@ overtake whatever is in progress: a move that was waiting ends with an error and
 
 import contextlib
 
-from drivers.cia402.bring_up.bringup import bring_up, forgotten
+from drivers.cia402.bring_up.bringup import bring_up, forgotten, stops_rest_on
 from drivers.cia402.bring_up.takeover import take_over
 from drivers.cia402.bring_up.zero import Zeroed, read_zero
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.requirements import Graded
-from drivers.cia402.dictionary.settings import SettingCheck
+from drivers.cia402.dictionary.settings import Setting, SettingCheck
 from drivers.cia402.motion.drive import Drive
 from drivers.cia402.motion.moves import Beside, make_sample, profile, refuse_beyond_limits
 from drivers.cia402.motion.orders import begin_hold, begin_move, quick_stop
@@ -57,7 +57,9 @@ class Cia402Winch:
         self.zeroed: Zeroed | None = None
         """what `set_length` found"""
         self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
-        self._health = HealthPoll(self.link, master.clock, self._scale, config.temperature, config.sto)
+        self._health = HealthPoll(
+            self.link, master.clock, self._scale, config.temperature, config.sto, self._kept_settings
+        )
         self._commanded: Trajectory | None = None
         self._forced = False
         """stopped by NMT: PDOs are off"""
@@ -233,6 +235,10 @@ class Cia402Winch:
     def free(self) -> None:
         """No command is in force: taking up slack moves the drive by itself."""
         self._commanded = None
+
+    def _kept_settings(self) -> tuple[Setting, ...]:
+        """Nothing while stops are tried, which changes some."""
+        return () if self.on_trial else stops_rest_on(self.link, self.config, self._master.host_id)
 
     def _stops(self, deceleration: float) -> None:
         """From what the encoder tells, or from where it was told to be where that is too old."""

@@ -10,8 +10,10 @@ By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive 
 object that the drive refuses is not asked for again; what has not been answered lately is unknown.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from drivers.cia402.dictionary.settings import Setting
 from drivers.cia402.profile.scale import LengthScale, wrap32
 from drivers.cia402.profile.signals import INPUTS
 from drivers.cia402.watch.node import NodeLink
@@ -29,6 +31,7 @@ this time and `BETWEEN`, 7.5 mm together. Ten questions a second and drive are 2
 DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
 REFUSES_SAYS = "it refuses to give its encoder by SDO ({}): its samples (TPDO) may be old"
 OLD_SAYS = "its samples (TPDO) stay where they are, its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
+CHANGED_SAYS = "somebody has changed what its stops rest on: {} {}: {} found, {} was written"
 OLD = 1e-3
 """m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
 beyond which the encoder is elsewhere than both: 0 at rest; up to 0.03 m/s such samples are passed on the way"""
@@ -65,7 +68,9 @@ class HealthPoll:
         scale: LengthScale,
         temperature: TemperatureObject | None,
         sto: Signal | None = None,
+        kept: Callable[[], Sequence[Setting]] = tuple,
     ) -> None:
+        """kept: what it must hold as it was written, as long as it works; looked at in turn."""
         self._scale = scale
         self._sto = sto if sto is not None and link.sdo.knows(INPUTS) else None
         self._link = link
@@ -73,15 +78,17 @@ class HealthPoll:
         self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
         self._follows = link.sdo.knows(Mappable.FOLLOWING_ERROR.index)
         self._newest = NOTHING_TOLD
-        self._doubt = ""
+        self._doubt = self._changed = ""
+        self._kept, self._turn = kept, 0
 
     @property
     def doubt(self) -> str:
         """Why its samples are no sign that it can be stopped, in words; empty where nothing is wrong.
 
-        It has answered neither the newest question nor its repetition (`SdoChannel.read`), or its samples are old.
+        It has answered neither the newest question nor its repetition (`SdoChannel.read`), its samples are old, or what
+        its stops rest on has been changed.
         """
-        return self._doubt if self._link.brought_up else ""
+        return (self._doubt or self._changed) if self._link.brought_up else ""
 
     def believed(self) -> Health:
         """The newest answers, or an empty value where they are too old."""
@@ -94,13 +101,14 @@ class HealthPoll:
         while True:
             await self._clock.sleep(COMPARED_EVERY - BETWEEN)
             if not self._link.brought_up:
-                self._doubt = ""
+                self._doubt = self._changed = ""
                 continue
             try:
                 self._doubt = await self._compare()
                 if self._clock.now() >= due:
                     due = self._clock.now() + PERIOD
                     await self._round()
+                    self._changed = self._changed or await self._look_at_next()
             except DeviceError:
                 self._doubt = DEAF_SAYS
 
@@ -124,6 +132,18 @@ class HealthPoll:
         if any(abs(wrap32(told - sample.position)) <= allowed for sample in (before, after)):
             return ""
         return OLD_SAYS.format(1e3 * (self._scale.length(told) - self._scale.length(after.position)))
+
+    async def _look_at_next(self) -> str:
+        """What one of its settings is by now, in words; empty where it is as it was written."""
+        kept = self._kept()
+        if not kept:
+            return ""
+        self._turn += 1
+        setting = kept[self._turn % len(kept)]
+        value = await self._number(setting.index, setting.sub)
+        if value is None or setting.holds(value) or setting not in self._kept():
+            return ""
+        return CHANGED_SAYS.format(setting.object, setting.meaning, setting.told(value), setting.words)
 
     async def _round(self) -> None:
         found = Health(t=self._clock.now())

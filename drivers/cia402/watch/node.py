@@ -11,6 +11,7 @@ from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.dictionary.abilities import Abilities
 from drivers.cia402.profile.last_motion import LastMotion
 from drivers.cia402.profile.words import Mode
+from drivers.cia402.wire.aborts import abort_words
 from drivers.cia402.wire.emcy import Emergency, decode_emergency
 from drivers.cia402.wire.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
 from drivers.cia402.wire.pdo import DriveValues, Mappable, PdoMap, SampleDecoder
@@ -20,7 +21,7 @@ from drivers.cia402.wire.sync import SyncAnswers, SyncTimes
 from drivers.ports import Clock
 
 _CONTROLWORD_MULTIPLEXER = bytes((0x40, 0x60, 0x00))
-_WRITE_TWO_BYTES = 0x2B
+_WRITE_TWO_BYTES, _ABORT = 0x2B, 0x80
 _KEPT_EMERGENCIES = 64
 _MISSED_HEARTBEATS = 3.0
 _SAMPLED_LATELY = 0.1
@@ -84,6 +85,8 @@ class NodeLink:
         self._heartbeat_period = heartbeat_period
         self.mode = Mode.PROFILE_POSITION
         """that RPDOs ask for, and that commands expect to be displayed"""
+        self.refusal = ""
+        """why it has refused the last controlword that came by SDO, in words"""
         self.target = 0
         """counts, sent last: a controlword to a drive in a cyclic mode must not bring another"""
 
@@ -127,7 +130,11 @@ class NodeLink:
 
     def answers_controlword(self, frame: CanFrame) -> bool:
         """Whether an SDO answer belongs to a controlword that was sent without waiting, and not to the SDO queue."""
-        return frame.data[1:4] == _CONTROLWORD_MULTIPLEXER
+        if frame.data[1:4] != _CONTROLWORD_MULTIPLEXER:
+            return False
+        if frame.data[0] == _ABORT:
+            self.refusal = abort_words(int.from_bytes(frame.data[4:8], "little"))
+        return True
 
     # frames to the drive --------------------------------------------------------------------------------------------
 
@@ -153,6 +160,7 @@ class NodeLink:
         else:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
             self.twins.asked()
+            self.refusal = ""
             self._transport.send(0x600 + self.node_id, data)
 
     def send_target(self, target: int) -> None:

@@ -68,7 +68,10 @@ async def _reach(link: NodeLink, clock: Clock, device: str, wanted: tuple[DriveS
     deadline = clock.now() + _TIMEOUT
     while state not in wanted:
         if clock.now() >= deadline:
-            raise DeviceError(device, f"is still in “{state}” after {_TIMEOUT:g} s.", hint="Use the hardware switch.")
+            why = f": it refuses the controlword ({link.refusal})" if link.refusal else ""
+            raise DeviceError(
+                device, f"is still in “{state}” after {_TIMEOUT:g} s{why}.", hint="Use the hardware switch."
+            )
         await clock.sleep(_LOOK)
         state = await read_state(link)
     return state

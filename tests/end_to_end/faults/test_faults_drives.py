@@ -219,6 +219,22 @@ def test_a_drive_without_voltage(rehearsal, fault):
     fault.strikes(rehearsal, _lost(4))
 
 
+@pytest.mark.parametrize(
+    ("index", "sub", "value"), [(0x6085, 0, 500), (0x1400, 1, 0x202 - (1 << 31))], ids=["ramp", "RPDO switched off"]
+)
+@pytest.mark.fault(
+    "drives",
+    "a vendor's tool changes what the stop of a drive rests on (605A, 6085, 6007, 1016, RPDO, …)",
+    reaction="quick stop",
+    within=6.0,
+    says="winch 2 reports a fault: somebody has changed what its stops rest on: ",
+    window="none was open",
+)
+def test_a_drive_whose_stop_is_changed(rehearsal, fault, index, sub, value):
+    fault = replace(fault, held=sub == 0)  # one that hears no RPDO is stopped by NMT
+    fault.strikes(rehearsal, lambda stage: stage.write_sdo(2, index, value, sub, unseen=True), step="Ask", after=0.1)
+
+
 @pytest.mark.fault(
     "drives",
     "a drive's receive path is dead when all are told to stop",

@@ -20,6 +20,7 @@ from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import DeviceError, RefusedError
 from procedures.guards.robot_guards import standard_guards
 from procedures.settings import Reaction
+from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.objects import read_eds
@@ -157,6 +158,20 @@ def test_a_fault_is_acknowledged_only_by_name():
             await acknowledge_fault(bench.link, bench.clock, "winch 1", " ")
         assert await take_power(bench.link, bench.clock, "winch 1") is DriveState.FAULT
         assert await acknowledge_fault(bench.link, bench.clock, "winch 1", "tester") is DriveState.SWITCH_ON_DISABLED
+
+    on_bench(work)
+
+
+def test_a_drive_that_refuses_to_be_switched_off_says_why():
+    refused = bytes.fromhex("8040600022000008")
+
+    async def work(bench):
+        bench.drive.od.attach(0x6041, source=lambda: 0x0637)
+        bench.bus.rules.append(
+            FrameRule(frozenset({0x581}), change=lambda data: refused if data[1:3] == refused[1:3] else data)
+        )
+        with pytest.raises(DeviceError, match=r"is still in “operation enabled” .* refuses the controlword .*not in"):
+            await take_power(bench.link, bench.clock, "winch 1")
 
     on_bench(work)
 
