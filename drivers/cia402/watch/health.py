@@ -108,7 +108,7 @@ class HealthPoll:
                 if self._clock.now() >= due:
                     due = self._clock.now() + PERIOD
                     await self._round()
-                    self._changed = self._changed or await self._look_at_next()
+                    self._changed = await self._look_at_one()
             except DeviceError:
                 self._doubt = DEAF_SAYS
 
@@ -133,15 +133,15 @@ class HealthPoll:
             return ""
         return OLD_SAYS.format(1e3 * (self._scale.length(told) - self._scale.length(after.position)))
 
-    async def _look_at_next(self) -> str:
-        """What one of its settings is by now, in words; empty where it is as it was written."""
+    async def _look_at_one(self) -> str:
+        """What one of its settings is by now; empty where it is as it was written: then the next has its turn."""
         kept = self._kept()
         if not kept:
             return ""
-        self._turn += 1
         setting = kept[self._turn % len(kept)]
         value = await self._number(setting.index, setting.sub)
         if value is None or setting.holds(value) or setting not in self._kept():
+            self._turn += 1
             return ""
         return CHANGED_SAYS.format(setting.object, setting.meaning, setting.told(value), setting.words)
 
