@@ -37,7 +37,7 @@ CASES = {
     "gear of all": (tuple(1.1 * one for one in LENGTHS), MARKER, CheckVerdict.FAILED, "all cables are"),
     "a slipped cable": ((1.34283, 1.39119, 1.56772, 1.45231), MARKER, CheckVerdict.FAILED, "cable 2 is 34 mm longer"),
     "no rest": ((1.34283, 9.43119, 1.56772, 1.45231), MARKER, CheckVerdict.FAILED, "zeros, gears and drums"),
-    "not homed": (None, MARKER, CheckVerdict.WARNING, "mend"),
+    "not homed": (None, MARKER, CheckVerdict.WARNING, "correct"),
 }
 
 

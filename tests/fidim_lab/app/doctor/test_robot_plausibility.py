@@ -265,7 +265,7 @@ def test_cables_that_meet_are_soft_and_wide_ones_are_not():
     soft = _by_name(_meeting_cables(0.15))["soft modes"]
     assert soft.ok  # such a robot exists
     assert "0.3 mm of stretch turns the platform" in soft.found
-    assert "rigid" in soft.advice
+    assert "Rigid cables are the wrong model" in soft.advice
 
 
 def test_a_tiny_inertia_swings_faster_than_the_filter_lets_through(irma4: Robot):
