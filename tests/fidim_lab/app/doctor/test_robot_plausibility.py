@@ -264,7 +264,7 @@ def test_the_drawing_of_the_docs_says_what_it_says_now(irma4: Robot):
 def test_cables_that_meet_are_soft_and_wide_ones_are_not():
     soft = _by_name(_meeting_cables(0.15))["soft modes"]
     assert soft.ok  # such a robot exists
-    assert "0.3 mm of stretch turns the platform" in soft.found
+    assert "0.3 mm of stretch turns it" in soft.found
     assert "Rigid cables are the wrong model" in soft.advice
 
 
