@@ -1,8 +1,11 @@
-"""By how much a robot file's geometry is worse than a usual survey: for each anchor and attachment a factor of its own.
+"""By which factors a robot file's geometry is worse than a usual survey: one for each kind of piece, or for each piece.
 
-A platform is machined and measured with a caliper, its room is not: pieces of one kind are surveyed alike. And one of
+A platform is machined and measured with a caliper, its room is not: pieces of one kind are surveyed alike. But one of
 them may be wrong by far, a digit mistyped or a pulley moved: one factor for all would spread its error over the others.
 """
+
+from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +21,11 @@ GRID = FACTORS[::4]
 TYPICAL = {"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTACHMENT}
 
 
-def likeliest_survey(model: WholeModel) -> tuple[Nuisance, ...]:
-    """The open geometry with the most likely standard deviations, by evidence at the model's optimum and `surprise`."""
+def likeliest_survey(model: WholeModel, *, alike: bool) -> tuple[Nuisance, ...]:
+    """The open geometry with the most likely standard deviations, by evidence at the model's optimum and `surprise`.
+
+    alike: the same of all anchors, and of all attachments.
+    """
     found, pieces = model.found, model.geometry
     others = model.prior_sd[: len(model.found.values) - BODY - sum(len(one.sd) for one in pieces)]
     values = max(1, round(model.cost / model.temper))
@@ -31,14 +37,17 @@ def likeliest_survey(model: WholeModel) -> tuple[Nuisance, ...]:
         size = values * np.log(temper)
         return -0.5 * (size + there.strain + there.occam - problem.occam_of_body(temper)) - surprise(surveyed)
 
-    best, most = pieces, evidence(pieces)
+    kinds = [one.what for one in pieces]
+    groups = [{k for k, kind in enumerate(kinds) if kind == one} for one in dict.fromkeys(kinds)]
+    groups = groups if alike else [{k} for k in range(len(pieces))]
+    best, most = pieces, -np.inf
     for _ in range(SHARED.rounds):
         begun = most
-        for k, piece in enumerate(pieces):
-            for factor in GRID:
-                trial = (*best[:k], _scaled(piece, factor), *best[k + 1 :])
-                said = evidence(trial)
-                best, most = (trial, said) if said > most else (best, most)
+        for group in groups:
+            trials = [_scaled(best, group, float(factor)) for factor in GRID]
+            said = [evidence(trial) for trial in trials]
+            if max(said) > most:
+                best, most = trials[int(np.argmax(said))], max(said)
         if most == begun:
             break
     return best
@@ -57,5 +66,9 @@ def surprise(surveyed: tuple[Nuisance, ...]) -> float:
     return nats
 
 
-def _scaled(piece: Nuisance, factor: float) -> Nuisance:
-    return Nuisance(piece.what, piece.effect, (factor * TYPICAL[piece.what],) * len(piece.sd))
+def _scaled(pieces: tuple[Nuisance, ...], group: Collection[int], factor: float) -> tuple[Nuisance, ...]:
+    """With so many times a usual survey for these pieces (indices)."""
+    return tuple(
+        replace(one, sd=(factor * TYPICAL[one.what],) * len(one.sd)) if k in group else one
+        for k, one in enumerate(pieces)
+    )

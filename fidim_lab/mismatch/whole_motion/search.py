@@ -79,14 +79,19 @@ class _Steps:
         opened, exact = self._opened(best), self.trial.closed(best) if best.geometry else best
         if opened is None or exact is None:
             return best
-        chosen = opened if log_odds(opened, exact) > ODDS + self._price(opened) else exact
+        chosen = opened if log_odds(opened, exact) > ODDS else exact
         self.tried += [opened] if opened is not chosen else [exact]
-        return chosen
+        return self._piece_by_piece(chosen) if chosen.geometry else chosen
 
-    def _price(self, opened: WholeModel) -> float:
-        """Nats that the choice of its survey costs; none where the robot file states it."""
-        robot = opened.found.likelihood.mechanism.robot
-        return surprise(opened.geometry) if robot.survey is None else 0.0
+    def _piece_by_piece(self, opened: WholeModel) -> WholeModel:
+        """With an error of its own size for each piece, where evidence asks for that and held-out windows agree."""
+        own = opened
+        for _ in range(0 if opened.found.likelihood.mechanism.robot.survey is not None else SURVEY_ROUNDS):
+            own = self.trial.opened(own, likeliest_survey(own, alike=False)) or own
+        price = surprise(own.geometry) - surprise(opened.geometry)
+        asked = log_odds(own, opened) > max(price, 0.0) and taken(opened, own) > 0.0
+        self.tried += [opened] if asked else []
+        return own if asked else opened
 
     def beside_rivals(self, begun: WholeModel) -> tuple[WholeModel, tuple[tuple[WholeModel, ...], ...]]:
         """Where the search goes from a model, at its optimum, and the rivals of each of its terms."""
@@ -209,11 +214,11 @@ class _Steps:
         if robot.survey is not None:
             geometry = tuple(one for one in stated(robot) if one.effect not in inside)
             return self.trial.opened(model, geometry) if geometry else None
-        known = {one.effect: one for one in (likeliest_survey(model) if model.geometry else ())}
+        known = {one.effect: one for one in (likeliest_survey(model, alike=True) if model.geometry else ())}
         wide = (one for one in usual(robot, SHARED.wide) if one.effect not in inside)
         found = self.trial.opened(model, tuple(known.get(one.effect, one) for one in wide))
         for _ in range(SURVEY_ROUNDS - 1):
-            found = None if found is None else self.trial.opened(found, likeliest_survey(found))
+            found = None if found is None else self.trial.opened(found, likeliest_survey(found, alike=True))
         return found
 
 
