@@ -23,6 +23,7 @@ from fidim_lab.app.records.import_readings import (
     in_another_frame,
     readings_of,
     refuse_misread,
+    stands_still,
 )
 from fidim_lab.app.records.import_units import in_metres, units_that_fit
 from fidim_lab.arrays import Positions, Rotations, Series
@@ -76,7 +77,9 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     count = log.positions.shape[1] + (0 if log.unlabelled is None else log.unlabelled.shape[1])
     if count < FEWEST_MEASURED and not log.bodies:
         what = f"{counted(count, 'marker')} and no rigid body's rotations; a pose needs three markers or a body"
-        raise RefusedError(what, hint="Export more markers, or places and rotations of the body.")
+        hint = "Put all markers of a take side by side into one file, or export places and rotations of the body."
+        raise RefusedError(what, hint=hint)
+    log = _chosen_markers(log, asked)
     log, said_rate = _at_rate(log, asked)
     log, said = in_metres(mechanism, log, asked)
     said = (*said_rate, *said)
@@ -93,6 +96,19 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     return replace(found, decided=(*said, *found.decided))
 
 
+def _chosen_markers(log: MarkerLog, asked: Asked) -> MarkerLog:
+    """The take with the markers that were asked for, in that order; its others as places without a label."""
+    if not asked.order:
+        return log
+    loose = np.zeros((len(log.t), 0, 3)) if log.unlabelled is None else log.unlabelled
+    names = (*log.names, *(f"unlabelled {k + 1}" for k in range(loose.shape[1])))
+    missing = [name for name in asked.order if names.count(name) != 1]
+    if missing:
+        raise RefusedError(f"--order: no marker {missing[0]!r}; the file has {', '.join(names)[:150]}.")
+    places, at = np.concatenate([log.positions, loose], axis=1), [names.index(name) for name in asked.order]
+    return replace(log, names=asked.order, positions=places[:, at], unlabelled=np.delete(places, at, axis=1))
+
+
 def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
     """The take at the rate that was asked for. Raises RefusedError where the file says two and nobody said which."""
     if asked.rate is not None:
@@ -104,7 +120,7 @@ def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
 
 def _with_unit(mechanism: Mechanism, log: MarkerLog, asked: Asked, error: RefusedError) -> RefusedError:
     """The same, with the unit that fits where the one that was said does not."""
-    if asked.order or not (log.unit_said or asked.unit):
+    if not (log.unit_said or asked.unit):
         return error
     for unit, misfit in units_that_fit(mechanism, log).items():
         if not np.isclose(LENGTH_UNITS[unit], log.scale):
@@ -194,14 +210,14 @@ def _order(
     names: Sequence[str], markers: np.ndarray, body: np.ndarray, asked: Asked
 ) -> tuple[tuple[int, ...], float, tuple[str, ...]]:
     """Indices of the markers in the robot file's order, misfit of their distances (m), and what is to be checked."""
-    if asked.order:
-        missing = [name for name in asked.order if names.count(name) != 1]
-        if missing or len(asked.order) != len(body):
-            what = f"no marker {missing[0]!r}" if missing else f"{len(asked.order)} names for {len(body)} markers"
-            raise RefusedError(f"--order: {what}; the file has {', '.join(names)[:150]}.")
-        order = tuple(names.index(name) for name in asked.order)
-        return order, order_of(markers[:, order], body)[1], ()
     order, misfit, certain = order_of(markers, body)
+    if asked.order:
+        if len(asked.order) != len(body):
+            raise RefusedError(f"--order: {len(asked.order)} names for {len(body)} markers of the robot file.")
+        if order != tuple(range(len(body))):
+            what = f"--order {','.join(asked.order)}: in another order the distances fit to {misfit * 1e3:.1f} mm."
+            raise RefusedError(what, hint=f"Give --order {','.join(names[k] for k in order)}, or leave it out.")
+        return order, misfit, ()
     doubt = "another order of the markers fits nearly as well: check it, or give --order"
     return order, misfit, () if certain else (doubt,)
 
@@ -281,6 +297,8 @@ def _upright(
     tracks: Sequence[Track],
 ) -> tuple[PoseReading, Decision]:
     """The reading in which cable lengths vary least, if the file or the caller does not say another one."""
+    if all(stands_still(mechanism, positions, rotations) for _, positions, rotations in tracks):
+        raise RefusedError("The platform stands still in this take.", hint="Let go of it while recording.")
     readings = sorted(readings_of(mechanism, tracks), key=lambda reading: reading.varies)
     refuse_misread(mechanism, tracks, log.scale, readings[0].varies)
     said = asked.up or log.up

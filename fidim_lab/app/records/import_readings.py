@@ -120,13 +120,28 @@ def _varies(mechanism: Mechanism, positions: Positions, rotations: Rotations) ->
         lengths = mechanism.lengths(where, turned)
     except (InfeasibleError, FidimError):
         return float("inf")
-    ends = np.concatenate([where + turned @ cable.a for cable in mechanism.robot.cables], axis=1)
-    pieces = np.array_split(np.arange(len(some)), PIECES)
-    varies, moves = (np.array([_spread(columns[piece]) for piece in pieces]) for columns in (lengths, ends))
+    varies, moves = (_spreads(columns) for columns in (lengths, _ends(mechanism, where, turned)))
     free = np.flatnonzero(moves > SURVEYED)
     least = free[np.argsort(varies[free] / moves[free])][: PIECES // 4]
     found = float(np.mean(varies[least])) if len(least) else float("inf")
     return found if np.isfinite(found) else float("inf")
+
+
+def stands_still(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> bool:
+    """Whether no piece of a take has the attachments move by more than lengths may vary."""
+    known = np.isfinite(positions).all(axis=1)
+    ends = _ends(mechanism, positions[known], rotations[known])
+    return int(known.sum()) >= MIN_FRAMES and bool((_spreads(ends) <= SURVEYED).all())
+
+
+def _ends(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> Float[np.ndarray, "N K"]:
+    """m, of the cables on the platform, side by side."""
+    return np.concatenate([positions + rotations @ cable.a for cable in mechanism.robot.cables], axis=1)
+
+
+def _spreads(columns: Float[np.ndarray, "N K"]) -> Float[np.ndarray, " P"]:
+    """As `_spread`, of each piece of a take."""
+    return np.array([_spread(piece) for piece in np.array_split(columns, PIECES)])
 
 
 def _spread(columns: Float[np.ndarray, "N K"]) -> float:

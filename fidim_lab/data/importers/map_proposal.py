@@ -6,17 +6,25 @@ columns, without those of words, to be corrected by whoever knows the file.
 """
 
 import json
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from fidim_lab.data.importers.reading.cells import cells_of, decimal_of, delimiter_of, is_dated, is_number, read_export
 from fidim_lab.data.importers.reading.columns import COMMENTS, EXCEL, TOP, Column, without_mark
 from fidim_lab.errors import FileError
 
 TIME = re.compile(r"t|.*(time|stamp|zeit|temps|tiempo|sec).*", re.IGNORECASE)
-NANOSECONDS = re.compile(r".*(nano?_?sec|nsec).*", re.IGNORECASE)
-"""ROS's second part of a stamp"""
+BELOW = MappingProxyType(
+    {
+        "nanoseconds": re.compile(r".*(nano?_?sec|nsec).*", re.IGNORECASE),
+        "microseconds": re.compile(r".*micro_?sec.*|us|usec", re.IGNORECASE),
+        "milliseconds": re.compile(r".*(milli|msec).*|ms", re.IGNORECASE),
+    }
+)
+"""the part of a stamp below its second, as ROS and many loggers write it, by its key in a map"""
 PART = re.compile(
     r"[\s_.:/|-]*(position|translation|pos|trans|orientation|rotation|quaternion|quat|rot)$", re.IGNORECASE
 )
@@ -30,6 +38,8 @@ AXIS = re.compile(
 )
 """such as "M1 X", "ax", "X3", "platform_qw"; what stands around the axis says whose it is"""
 
+PLACE_AND_QUATERNION = 7
+"""columns, which no markers have"""
 NUMBERED = re.compile(
     rf"(?:(?P<before>.*?){BETWEEN})?(?:q|quat|quaternion|r|m|rot)[_(\[ ]*(?P<digits>\d|[0-3][,_ ]?[0-3])[)\]]*",
     re.IGNORECASE,
@@ -64,7 +74,7 @@ def proposed_map(path: Path) -> str:
         found = f"first {len(rows)} lines", "no row of four numbers or more: this is not a table of markers"
         raise FileError(path, *found, hint=_hint(split, words))
     columns: list[Column] = list(_names(split[:first], len(split[first]))) or list(range(1, len(split[first]) + 1))
-    return "\n".join(_lines(path, columns, words)) + "\n"
+    return "\n".join(_lines(path, dict(zip(columns, split[first], strict=True)), words)) + "\n"
 
 
 def _hint(split: Sequence[Sequence[str]], words: frozenset[int]) -> str:
@@ -72,23 +82,30 @@ def _hint(split: Sequence[Sequence[str]], words: frozenset[int]) -> str:
     return f"The last of them has {split[-1][min(words)].strip()[:40]!r} in column {min(words) + 1}." if words else ""
 
 
-def _lines(path: Path, columns: Sequence[Column], words: frozenset[int]) -> list[str]:
-    columns = [column for k, column in enumerate(columns) if k not in words]
+def _lines(path: Path, row: Mapping[Column, str], words: frozenset[int]) -> list[str]:
+    """row: the first one, by column."""
+    columns = [column for k, column in enumerate(row) if k not in words]
     named = [name for name in columns if isinstance(name, str)]
-    below = next((name for name in named if NANOSECONDS.fullmatch(name)), None)
-    stamps = [name for name in named if TIME.fullmatch(UNIT.sub("", name)) and name != below]
-    time = stamps[0] if stamps else columns[0]
-    left = [column for column in columns if column not in (time, below)]
+    time, parts = _stamp(named, row)
+    time = columns[0] if time is None else time
+    date = next((column for column, cell in row.items() if _is_date_of(row[time], cell) and column != time), None)
+    left = [column for column in columns if column not in (time, date, *parts.values())]
     places, turns = _groups([name for name in left if isinstance(name, str)])
-    if not places:
-        places = {chr(65 + k // 3): left[k : k + 3] for k in range(0, len(left) - 2, 3)}
+    if not places and len(left) == PLACE_AND_QUATERNION:
+        places = {"platform": left[:3]}
+    elif not places:
+        places = {f"M{k // 3 + 1}": left[k : k + 3] for k in range(0, len(left) - 2, 3)}
+    if len(places) == 1 and not turns:
+        ((owner, place),) = places.items()
+        turned = _turned(left[left.index(place[-1]) + 1 :])
+        places |= dict.fromkeys([owner, f"{owner or 'platform'} reversed"][: len(turned)], place)
+        turns = dict(zip(places, turned, strict=False))
     lines = [
         f"# A proposal for {path.name} by the names of its columns: correct what is wrong (docs/import.md, csv).",
         'format = "fidim-columns/1"',
         f"time = {_toml(time)}",
-        '#time_unit = "s"              # s, ms, us, ns; found by the steps where left out'
-        if below is None
-        else f"nanoseconds = {_toml(below)}",
+        *(f"{key} = {_toml(column)}" for key, column in {**({} if date is None else {"date": date}), **parts}.items()),
+        *([] if parts else ['#time_unit = "s"              # s, ms, us, ns; found by the steps where left out']),
         '#unit = "mm"                  # found by the robot file where left out',
         '#up = "z"                     # default: found',
     ]
@@ -97,6 +114,38 @@ def _lines(path: Path, columns: Sequence[Column], words: frozenset[int]) -> list
         lines += ["[[body]]" if turn else "[[marker]]", f"name = {_toml(name or 'platform')}"]
         lines += [f"{'position' if turn else 'columns'} = {_toml(place)}", *(turn or ())]
     return lines
+
+
+def _stamp(named: Sequence[str], row: Mapping[Column, str]) -> tuple[str | None, dict[str, str]]:
+    """Which column has the time, and which what it has below a second, by key.
+
+    Of several times, the one whose name begins most like that part. Milliseconds may be a time themselves: they are a
+    part where a time of day has none.
+    """
+    stamps = [name for name in named if TIME.fullmatch(UNIT.sub("", name))]
+    whole = [name for name in stamps if is_dated(row[name]) and not re.search(r"\d[.,]\d", row[name])]
+    for key, pattern in BELOW.items():
+        below = next((name for name in named if pattern.fullmatch(UNIT.sub("", name))), None)
+        others = [name for name in (whole or stamps if key == "nanoseconds" else whole) if name != below]
+        if below is not None and others:
+            return max(others, key=lambda name: len(os.path.commonprefix([name, below]))), {key: below}
+    return next(iter(stamps), None), {}
+
+
+def _is_date_of(time: str, cell: str) -> bool:
+    """Whether a cell is the date of a time of day."""
+    return is_dated(time) and not is_dated(cell) and is_dated(f"{cell.strip()} {time.strip()}")
+
+
+def _turned(columns: Sequence[Column]) -> list[Sequence[str]]:
+    """Lines on the rotation that a place has in these columns, whose names do not tell it; empty where they are none.
+
+    Of three angles in their order the last may be about z, or the first: the cable lengths tell.
+    """
+    if len(columns) == 3:
+        return [[f"angles = {_toml(list(ways))}"] for ways in (columns, columns[::-1])]
+    key = {4: "quaternion", 9: "matrix"}.get(len(columns))
+    return [[f"{key} = {_toml(list(columns))}"]] if key else []
 
 
 def _toml(value: object) -> str:

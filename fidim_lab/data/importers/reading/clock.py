@@ -25,7 +25,7 @@ SAME_RATE = 1e-4
 
 DAY = 86400.0
 """s"""
-ONE_TAKE = "Where a file has two takes, export each by itself."
+ONE_TAKE = "Where a file has two takes, export each by itself; where it has rows twice, delete these."
 
 
 def check_rate(path: Path, rate: float) -> float:
@@ -143,6 +143,6 @@ def time_unit_of(path: Path, stamps: np.ndarray) -> str:
         if step == 0.0:
             hint = "Put the markers of one sample side by side in one row."
             raise FileError(path, "time", "most rows have the time of the row before.", hint=hint)
-        hint = "Say time_unit in the map, and where another column has the rest of a stamp, nanoseconds."
+        hint = "Say time_unit in the map, and where another column has the rest of a stamp, milliseconds or nanoseconds."
         raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint=hint)
     return unit

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 import numpy as np
@@ -24,12 +25,15 @@ from fidim_lab.data.importers.reading.cells import (
 )
 from fidim_lab.data.importers.reading.clock import over_midnight
 from fidim_lab.errors import FileError
+from fidim_lab.say import counted
 
 Column = str | Annotated[int, Field(ge=1)]
 """a column by its name in the header, or by its number from 1"""
 EXCEL = re.compile(r"sep=(.)", re.IGNORECASE)
 """first line by which Excel is told the delimiter"""
 COMMENTS = ("#", "%")
+PARTS = MappingProxyType({"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9})
+"""s in one unit of a column that has what stamps have below a second, by its key in a map"""
 TOP = 50
 """lines in which names and the first numbers stand"""
 
@@ -38,6 +42,9 @@ class TableMap(Table):
     """What every map of a table says of the text itself."""
 
     time: Column
+    date: Column | None = None
+    milliseconds: Column | None = None
+    microseconds: Column | None = None
     nanoseconds: Column | None = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
@@ -51,7 +58,7 @@ class ColumnTable:
     values: Float[np.ndarray, "N K"]
     """the first of them is the time"""
     dated: bool
-    """whether times are dates, times of day, or seconds and nanoseconds: then they are in s"""
+    """whether times are dates, times of day, or have their parts below a second by themselves: then they are in s"""
     decided: tuple[str, ...]
     """what was decided, a sentence each"""
 
@@ -60,8 +67,8 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     """The wanted columns of a table, the time first; wanted_by: who names them, for the message.
 
     The header is the first of the lines at the top that has every wanted name; lines above it, comments and a row of
-    units below it are passed over. Where all columns are numbers, the table begins with the first time. Raises
-    FileError with line and column.
+    units below it are passed over, as are lines below the last time and where names are repeated. Where all columns are
+    numbers, the table begins with the first time. Raises FileError with line and column.
     """
     text = read_export(path)
     numbered = [(line, row) for line, row in enumerate(text.splitlines(), start=1) if row.strip()]
@@ -74,9 +81,13 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     if decimal == delimiter and not any('"' in row for row in rows[1:TOP]):
         raise FileError(path, "", "the decimal sign is the delimiter too")
     split = [cells_of(row, delimiter) for row in rows]
-    wanted = [*wanted, *([] if said.nanoseconds is None else [said.nanoseconds])]
-    at, header = _header(split, wanted)
+    parts = {name: getattr(said, name) for name in PARTS if getattr(said, name) is not None}
+    wanted = [*wanted, *parts.values()]
+    at, header = _header(split, [*wanted, *([] if said.date is None else [said.date])])
     places = [_place(path, header, column, wanted_by) for column in wanted]
+    if said.date is not None:
+        day = _place(path, header, said.date, wanted_by)
+        split = [_with_date(cells, places[0], day) for cells in split]
     below = split[at + 1 :] if header else split
     skipped = next((k for k, cells in enumerate(below[:TOP]) if _is_time(cells, places[0], decimal)), 0)
     first = len(split) - len(below) + skipped
@@ -85,9 +96,14 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     if split and len(split[-1]) < width and not text.endswith("\n"):
         split, numbered = split[:-1], numbered[:-1]
         decided.append("the last line was cut off and is left out")
+    last = next((k for k in reversed(range(first, len(split))) if _is_time(split[k], places[0], decimal)), first) + 1
+    below = [cells[0] for (_, row), cells in zip(numbered[last:], split[last:], strict=True) if not _is_comment(row)]
+    if below:
+        decided.append(f"{counted(len(below), 'line')} below the numbers ignored, from {below[0].strip()[:40]!r} on")
     found: list[list[float]] = []
-    for (line, row), cells in zip(numbered[first:], split[first:], strict=True):
-        if row.lstrip().startswith(COMMENTS):
+    names = rows[at].strip() if header else ""
+    for (line, row), cells in zip(numbered[first:last], split[first:last], strict=True):
+        if _is_comment(row) or row.strip() == names:
             continue
         if len(cells) != width and not (len(cells) == width + 1 and not cells[-1].strip()):
             raise FileError(path, f"line {line}", f"{len(cells)} columns; {width} were expected")
@@ -100,10 +116,20 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     values = np.array(found)
     if dated:
         values[:, 0] = over_midnight(values[:, 0])
-    if said.nanoseconds is None:
+    if not parts:
         return ColumnTable(values, dated, tuple(decided))
-    values[:, 0] += 1e-9 * values[:, -1]
-    return ColumnTable(values[:, :-1], True, tuple(decided))
+    values[:, 0] += values[:, -len(parts) :] @ [PARTS[name] for name in parts]
+    return ColumnTable(values[:, : -len(parts)], True, tuple(decided))
+
+
+def _is_comment(row: str) -> bool:
+    return row.lstrip().startswith(COMMENTS)
+
+
+def _with_date(cells: Sequence[str], time: int, date: int) -> list[str]:
+    """A row with the date of another column before its time."""
+    told = len(cells) > max(time, date) and ":" in cells[time]
+    return [f"{cells[date].strip()} {cell.strip()}" if told and k == time else cell for k, cell in enumerate(cells)]
 
 
 def _numbers(path: Path, line: int, cells: Sequence[str], places: Sequence[int], decimal: str) -> list[float]:
@@ -144,6 +170,6 @@ def _place(path: Path, header: Sequence[str], column: Column, wanted_by: str) ->
 
 
 def _is_time(cells: Sequence[str], at: int, decimal: str) -> bool:
-    if at >= len(cells) or "".join(cells).lstrip().startswith(COMMENTS):
+    if at >= len(cells) or _is_comment("".join(cells)):
         return False
     return is_number(cells[at], decimal) or is_dated(cells[at])

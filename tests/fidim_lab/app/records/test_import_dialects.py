@@ -6,6 +6,7 @@ import pickle
 import re
 import shutil
 from collections.abc import Callable
+from copy import copy
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -88,6 +89,13 @@ def colons(swing: Swing) -> str:
     )
 
 
+def at_rest(swing: Swing) -> Swing:
+    """A static trial: the first place, with noise."""
+    still = copy(swing)
+    still.markers = swing.markers[:1] + 1e-4 * np.random.default_rng(6).normal(size=swing.markers.shape)
+    return still
+
+
 def thousands(swing: Swing, decimal: str) -> str:
     """Marks between thousands, an index, an event now and then, and a delimiter at each line's end."""
     marks = str.maketrans(",.", ".,") if decimal == "," else {}
@@ -140,15 +148,18 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], str]] = {
         lambda s: joined(table(s, turn=OBLIQUE)),
         "frame is not the robot's",
     ),
+    "a platform at rest": ("csv", lambda s: joined(table(at_rest(s))), "stands still"),
     "nothing": ("vicon-csv", lambda s: " \r\n", "is empty"),
 }
 
 
-def imported(swing: Swing, folder: Path, kind: str, data: bytes, *options: str) -> tuple[int, str]:
+def imported(
+    swing: Swing, folder: Path, kind: str, data: bytes, *options: str, columns: str = MAP
+) -> tuple[int, str]:
     """Exit code, and all that was said."""
     write_robot(folder / "robot.toml", swing.robot)
     (folder / "take").write_bytes(data)
-    (folder / "map.toml").write_text(MAP, encoding="utf-8")
+    (folder / "map.toml").write_text(columns, encoding="utf-8")
     arguments = [kind, str(folder / "take"), "--robot", str(folder / "robot.toml"), "--out", str(folder / "out")]
     arguments += ["--map", str(folder / "map.toml")] if kind == "csv" else []
     done = CliRunner().invoke(fidim, ["import", *arguments, *options])
@@ -173,6 +184,30 @@ def test_what_cannot_be_meant_is_refused_with_its_cause(name: str, swing: Swing,
     code, said = imported(swing, tmp_path, kind, write(swing).encode())
     assert code != 0
     assert cause in said
+
+
+def crowded(swing: Swing) -> tuple[str, str]:
+    """A table with eight more markers than the platform's, whose unit nothing says, and its map."""
+    lines, names = table(swing), [f"p{m}" for m in range(5, 13)]
+    lines[0] += "".join(f",{name}{axis}" for name in names for axis in "xyz")
+    lines[1:] = [line + "".join(f",{10 * k},{k}{k},5" for k in range(8)) for line in lines[1:]]
+    more = "".join(f'[[marker]]\nname = "{n}"\ncolumns = ["{n}x", "{n}y", "{n}z"]\n' for n in names)
+    return joined(lines), MAP + more
+
+
+@pytest.mark.parametrize(("order", "cause"), [("p0,p1,p2,p3,p4", ""), ("p1,p0,p2,p3,p4", "Say --order p0,p1,p2,p3,p4")])
+def test_a_stated_order_tells_the_unit_and_is_checked(order: str, cause: str, swing: Swing, tmp_path: Path):
+    text, columns = crowded(swing)
+    code, said = imported(swing, tmp_path, "csv", text.encode(), "--order", order, columns=columns)
+    assert code == (1 if cause else 0), said
+    assert (cause or "lengths in mm") in said
+
+
+def test_one_file_for_each_marker_is_told_to_be_joined(swing: Swing, tmp_path: Path):
+    columns = MAP[: MAP.index("[[marker]]", MAP.index("[[marker]]") + 1)]
+    code, said = imported(swing, tmp_path, "csv", joined(table(swing)).encode(), columns=columns)
+    assert code == 1
+    assert "Put all markers of a take side by side into one file" in said
 
 
 def test_a_foreign_frame_is_named_and_read_by_someone_who_knows_it(swing: Swing, tmp_path: Path):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.importers.map_proposal import proposed_map
 from fidim_lab.data.importers.mapped_csv import read_mapped
@@ -25,8 +26,8 @@ def table(path: Path, head: list[str], columns: int, mark: str = ",", decimal: s
         (["# a program", "t,ax,ay,az,bx,by,bz", "s,mm,mm,mm,mm,mm,mm"], 7, ",", ".", ("a", "b")),
         (["time,x1,y1,z1,x2,y2,z2"], 7, ",", ".", ("1", "2")),
         (["stamp\tleft_X (mm)\tleft_Y (mm)\tleft_Z (mm)"], 4, "\t", ".", ("left",)),
-        (["t,one,two,three,four,five,six"], 7, ",", ".", ("A", "B")),
-        ([], 7, ",", ".", ("A", "B")),
+        (["t,one,two,three,four,five,six"], 7, ",", ".", ("M1", "M2")),
+        ([], 7, ",", ".", ("M1", "M2")),
     ],
 )
 def test_a_proposal_reads_its_table(tmp_path, head, columns, mark, decimal, names):
@@ -90,3 +91,16 @@ def test_what_is_no_table_is_refused(tmp_path):
     path.write_text("these are\nno numbers, at all\n", encoding="utf-8")
     with pytest.raises(FileError, match="no row of four numbers"):
         proposed_map(path)
+
+
+@pytest.mark.parametrize(("names", "listed"), [("alpha,beta,gamma", "xyz"), ("A,B,C", "zyx")])
+def test_three_columns_beside_a_place_may_be_its_angles_in_either_order(tmp_path, names, listed):
+    """KUKA's A is about z; the cable lengths tell which of the readings is meant."""
+    angles = np.random.default_rng(4).uniform(-40.0, 40.0, (ROWS, 3))
+    rows = [f"{k / 100:.2f},1,2,3," + ",".join(f"{x:.6f}" for x in row) for k, row in enumerate(angles)]
+    path, map_file = tmp_path / "poses.csv", tmp_path / "map.toml"
+    path.write_text("\n".join([f"t,x,y,z,{names}", *rows]) + "\n", encoding="utf-8")
+    map_file.write_text(proposed_map(path), encoding="utf-8")
+    turns = Rotation.from_euler("ZYX", angles[:, [listed.index(axis) for axis in "zyx"]], degrees=True).as_matrix()
+    read = [body for body in read_mapped(path, map_file).bodies if np.allclose(body.rotations, turns, atol=1e-6)]
+    assert [body.read_as for body in read] == ["angles about its own Z, Y, X in turn in deg"]
