@@ -6,13 +6,14 @@ columns, without those of words, to be corrected by whoever knows the file.
 """
 
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
+from difflib import SequenceMatcher
 from pathlib import Path
 from types import MappingProxyType
 
-from fidim_lab.data.importers.reading.cells import cells_of, decimal_of, delimiter_of, is_dated, is_number, read_export
+from fidim_lab.data.importers.reading.as_table import read_table
+from fidim_lab.data.importers.reading.cells import cells_of, decimal_of, delimiter_of, is_dated, is_number
 from fidim_lab.data.importers.reading.columns import COMMENTS, EXCEL, TOP, Column, without_mark
 from fidim_lab.errors import FileError
 
@@ -62,7 +63,7 @@ PLACING = re.compile(rf"(.*?){BETWEEN}(t|p|pos|position|trans|translation)", re.
 
 def proposed_map(path: Path) -> str:
     """The text of a map for the table. Raises FileError for a file that is no table of numbers."""
-    rows = [row for row in read_export(path).splitlines() if row.strip()][:TOP]
+    rows = [row for row in read_table(path).splitlines() if row.strip()][:TOP]
     if rows and EXCEL.fullmatch(rows[0].strip()):
         rows = rows[1:]
     delimiter = delimiter_of(rows)
@@ -119,8 +120,8 @@ def _lines(path: Path, row: Mapping[Column, str], words: frozenset[int]) -> list
 def _stamp(named: Sequence[str], row: Mapping[Column, str]) -> tuple[str | None, dict[str, str]]:
     """Which column has the time, and which what it has below a second, by key.
 
-    Of several times, the one whose name begins most like that part. Milliseconds may be a time themselves: they are a
-    part where a time of day has none.
+    Of several times, the one whose name is most like that of the part. Milliseconds may be a time themselves: they are
+    a part where a time of day has none.
     """
     stamps = [name for name in named if TIME.fullmatch(UNIT.sub("", name))]
     whole = [name for name in stamps if is_dated(row[name]) and not re.search(r"\d[.,]\d", row[name])]
@@ -128,7 +129,7 @@ def _stamp(named: Sequence[str], row: Mapping[Column, str]) -> tuple[str | None,
         below = next((name for name in named if pattern.fullmatch(UNIT.sub("", name))), None)
         others = [name for name in (whole or stamps if key == "nanoseconds" else whole) if name != below]
         if below is not None and others:
-            return max(others, key=lambda name: len(os.path.commonprefix([name, below]))), {key: below}
+            return max(others, key=lambda name: SequenceMatcher(None, name, below).ratio()), {key: below}
     return next(iter(stamps), None), {}
 
 

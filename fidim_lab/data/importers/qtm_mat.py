@@ -20,6 +20,7 @@ from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 
 SCALE = 1e-3
+OTHERS = "fidim import csv reads arrays of MATLAB files that QTM did not write."
 
 
 def read_qtm_mat(path: Path) -> MarkerLog:
@@ -27,8 +28,11 @@ def read_qtm_mat(path: Path) -> MarkerLog:
     names = variables(path)
     if len(names) != 1:
         found = ", ".join(names)[:120] or "none"
-        raise FileError(path, "", f"variables {found}; QTM exports one struct")
+        raise FileError(path, "", f"variables {found}; QTM exports one struct.", hint=OTHERS)
     root = load_struct(path, names[0])
+    if "FrameRate" not in root.fields:
+        what = f"is missing; found {', '.join(root.fields)[:120] or 'nothing'}."
+        raise FileError(path, f"{names[0]}.FrameRate", what, hint=OTHERS)
     rate = check_rate(path, root.number("FrameRate"))
     bodies: Sequence[BodyTrack] = _bodies(root) if isinstance(root.fields.get("RigidBodies"), dict) else ()
     groups = root.fields.get("Trajectories")

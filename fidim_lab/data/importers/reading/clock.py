@@ -143,6 +143,8 @@ def time_unit_of(path: Path, stamps: np.ndarray) -> str:
         if step == 0.0:
             hint = "Put the markers of one sample side by side in one row."
             raise FileError(path, "time", "most rows have the time of the row before.", hint=hint)
-        hint = "Say time_unit in the map, and where another column has the rest of a stamp, milliseconds or nanoseconds."
+        hint = (
+            "Say time_unit in the map, and where another column has the rest of a stamp, milliseconds or nanoseconds."
+        )
         raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint=hint)
     return unit

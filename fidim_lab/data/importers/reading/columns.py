@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, nearest
+from fidim_lab.data.importers.reading.as_table import read_table
 from fidim_lab.data.importers.reading.cells import (
     MIN_FRAMES,
     cells_of,
@@ -21,7 +22,6 @@ from fidim_lab.data.importers.reading.cells import (
     is_number,
     moment,
     number,
-    read_export,
 )
 from fidim_lab.data.importers.reading.clock import over_midnight
 from fidim_lab.errors import FileError
@@ -70,7 +70,7 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by
     units below it are passed over, as are lines below the last time and where names are repeated. Where all columns are
     numbers, the table begins with the first time. Raises FileError with line and column.
     """
-    text = read_export(path)
+    text = read_table(path)
     numbered = [(line, row) for line, row in enumerate(text.splitlines(), start=1) if row.strip()]
     mark = said.delimiter
     if numbered and (named := EXCEL.fullmatch(numbered[0][1].strip())):

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fidim_lab.data.files.input_file import MIB, read_bytes
+from fidim_lab.data.files.input_file import MIB, open_input, read_bytes
 from fidim_lab.data.importers.reading.mat5 import DamagedError, read_names, read_variables
 from fidim_lab.errors import FileError
 
@@ -88,6 +88,17 @@ class MatStruct:
 def variables(path: Path) -> tuple[str, ...]:
     """Names of the variables in a file. Raises FileError where it is not a readable .mat file."""
     return _carefully(path, read_names)
+
+
+def is_matlab(path: Path) -> bool:
+    """Whether a file begins as one of MATLAB's; of version 7.3, which is HDF5, only where MATLAB wrote it."""
+    with open_input(path, LIMIT) as file:
+        return file.read(6) == b"MATLAB"
+
+
+def load_all(path: Path) -> Mapping[str, Any]:
+    """All variables of a file. Raises FileError where it is not a readable .mat file."""
+    return _carefully(path, read_variables)
 
 
 def load_struct(path: Path, variable: str) -> MatStruct:

@@ -6,7 +6,7 @@ from fidim_lab.errors import FileError
 
 SIGNATURES = (
     (b"\x89HDF\r\n\x1a\n", "HDF5 or a MATLAB file of version 7.3", "Write its arrays as a table: fidim import csv."),
-    (b"MATLAB 5.0", "a MATLAB file", "Read it by fidim import qtm-mat, or write its arrays as a table."),
+    (b"MATLAB 5.0", "a MATLAB file", "Read it by fidim import csv, or by qtm-mat where QTM wrote it."),
     (b"SQLite format 3\0", "an SQLite database", "A ROS 2 bag is read by fidim import ros2-bag."),
     (b"#ROSBAG", "a bag of ROS 1", "Convert it: rosbags-convert --src FILE --dst FOLDER."),
     (b"\x89MCAP", "an MCAP file", "Read it by fidim import mcap."),

@@ -153,9 +153,7 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], str]] = {
 }
 
 
-def imported(
-    swing: Swing, folder: Path, kind: str, data: bytes, *options: str, columns: str = MAP
-) -> tuple[int, str]:
+def imported(swing: Swing, folder: Path, kind: str, data: bytes, *options: str, columns: str = MAP) -> tuple[int, str]:
     """Exit code, and all that was said."""
     write_robot(folder / "robot.toml", swing.robot)
     (folder / "take").write_bytes(data)

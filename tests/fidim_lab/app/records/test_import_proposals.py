@@ -1,13 +1,15 @@
 """Tables that nobody described: the map that `fidim import csv` proposes reads them, by the user's commands alone."""
 
+import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
 from click.testing import CliRunner
-from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.campaign import read_campaign
@@ -72,10 +74,58 @@ TABLES: dict[str, Callable[[Swing], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", TABLES)
+def matlab(content: dict[str, object]) -> bytes:
+    out = io.BytesIO()
+    scipy.io.savemat(out, content)
+    return out.getvalue()
+
+
+def words(*names: str) -> np.ndarray:
+    return np.array(names, dtype=object)
+
+
+def records(swing: Swing) -> list[dict[str, object]]:
+    """One a sample; a marker is missing now and then."""
+    rows = [{"t": k / 100, "at": {f"m{m}": place for m, place in enumerate(places.tolist())}}
+            for k, places in enumerate(swing.markers.round(7))]  # fmt: skip
+    for row in rows[100::97]:
+        row["at"]["m2"] = None
+    return rows
+
+
+FILES: dict[str, Callable[[Swing], bytes]] = {
+    "a struct with a field a marker": lambda s: matlab(
+        {"data": {"time": s.t[:, None], **{f"m{m}": s.markers[:, m] for m in range(5)}, "notes": "a take"}}
+    ),
+    "arrays by themselves, lying": lambda s: matlab(
+        {"t": s.t[None], **{f"m{m}": 1e3 * s.markers[:, m].T for m in range(5)}}
+    ),
+    "markers by axes by frames": lambda s: matlab(
+        {"take": {"fs": 100.0, "labels": words(*"abcde"), "xyz": s.markers.transpose(1, 2, 0)}}
+    ),
+    "frames by axes by markers": lambda s: matlab({"rate": 100.0, "P": s.markers.transpose(0, 2, 1)}),
+    "Simulink's structure with time": lambda s: matlab(
+        {"out": {"time": s.t[:, None], "signals": {"values": s.markers.reshape(-1, 15), "dimensions": 15.0}}}
+    ),
+    "a matrix of all": lambda s: matlab({"x": np.column_stack([s.t + 3.0, 1e3 * s.markers.reshape(-1, 15)])}),
+    "a place and a quaternion": lambda s: matlab({"t": s.t, "p": s.p, "q": s.quaternions}),
+    "a place and a matrix": lambda s: matlab({"t": s.t, "pos": {"p": s.p.T}, "R": s.R.transpose(1, 2, 0)}),
+    "a record in each line": lambda s: "".join(json.dumps(row) + "\n" for row in records(s)).encode(),
+    "records in one list": lambda s: json.dumps(records(s), indent=1).encode(),
+    "arrays of Python": lambda s: json.dumps(
+        {
+            "t": s.t.tolist(),
+            "meta": {"by": "us"},
+            "markers": np.where(s.t[:, None, None] == 2.0, np.nan, s.markers).tolist(),
+        }
+    ).encode(),
+}
+
+
+@pytest.mark.parametrize("name", [*TABLES, *FILES])
 def test_a_proposed_map_reads_its_table(name: str, swing: Swing, tmp_path: Path):
     write_robot(tmp_path / "robot.toml", swing.robot)
-    (tmp_path / "take.csv").write_text(TABLES[name](swing), encoding="utf-8")
+    (tmp_path / "take.csv").write_bytes(FILES[name](swing) if name in FILES else TABLES[name](swing).encode())
     command = ["import", "csv", str(tmp_path / "take.csv"), "--robot", str(tmp_path / "robot.toml")]
     command += ["--out", str(tmp_path / "out")]
     asked = CliRunner().invoke(fidim, command)

@@ -1,9 +1,13 @@
 """A table without a map: what is proposed reads that very table, in its own names."""
 
+import contextlib
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.importers.map_proposal import proposed_map
@@ -104,3 +108,24 @@ def test_three_columns_beside_a_place_may_be_its_angles_in_either_order(tmp_path
     turns = Rotation.from_euler("ZYX", angles[:, [listed.index(axis) for axis in "zyx"]], degrees=True).as_matrix()
     read = [body for body in read_mapped(path, map_file).bodies if np.allclose(body.rotations, turns, atol=1e-6)]
     assert [body.read_as for body in read] == ["angles about its own Z, Y, X in turn in deg"]
+
+
+NUMBERS = st.one_of(st.floats(), st.integers(-9, 9), st.none(), st.booleans())
+VALUES = st.recursive(
+    st.one_of(NUMBERS, st.text(max_size=4), st.lists(NUMBERS, min_size=19, max_size=21)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=24), st.dictionaries(st.sampled_from(["t", "x", "m", "q", ""]), inner, max_size=4)
+    ),
+    max_leaves=30,
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(value=VALUES, rows=st.integers(1, 25), lines=st.booleans())
+def test_any_json_is_a_table_or_a_sentence(tmp_path, value, rows, lines):
+    path, map_file = tmp_path / "take.json", tmp_path / "map.toml"
+    texts = [json.dumps({"t": k, "v": value}) for k in range(rows)]
+    path.write_text("\n".join(texts) if lines else f"[{','.join(texts)}]", encoding="utf-8")
+    with contextlib.suppress(FileError):
+        map_file.write_text(proposed_map(path), encoding="utf-8")
+        assert (np.diff(read_mapped(path, map_file).t) > 0.0).all()
