@@ -70,7 +70,7 @@ def _text(path: Path, content: Any) -> str:
     """The table, a line of names and a row for each sample. Raises FileError where no array has samples."""
     leaves = dict(_leaves(content, ""))
     arrays = {name: value for name, value in leaves.items() if isinstance(value, np.ndarray)}
-    sizes = Counter(size for array in arrays.values() for size in {*array.shape} if size >= MIN_FRAMES)
+    sizes: Counter[int] = Counter(size for array in arrays.values() for size in {*array.shape} if size >= MIN_FRAMES)
     if not sizes:
         found = ", ".join(leaves)[:150] or "nothing"
         raise FileError(path, "", f"has no array of {MIN_FRAMES} samples or more; found {found}")
