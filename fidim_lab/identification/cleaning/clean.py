@@ -80,7 +80,7 @@ def _refuse_mistakes(seen: Screening) -> tuple[str, ...]:
     best, *others = seen.mistakes
     if best.doubtful:
         advice = "`fidim register` fits a frame, `fidim explain` weighs it against other errors of the geometry"
-        return (f"Markers and cable lengths contradict the robot file. Perhaps: {best.says} ({advice}.)",)
+        return (f"Markers and cable lengths contradict the robot file. {best.says} ({advice}.)",)
     hint = "Correct the robot file, or what wrote the windows, and repeat the command."
     if others:
         hint += " Nearly as good: " + "; ".join(other.says.split(":")[0] for other in others) + "."

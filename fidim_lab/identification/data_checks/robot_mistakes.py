@@ -21,6 +21,9 @@ from fidim_lab.model.mechanism import Mechanism
 
 PLACED = ("a capture frame that is not the robot's", "a marker that is not where the robot file has it on the body")
 """what `placed` fits, where the recordings determine it"""
+POSE = 6
+"""numbers of a pose: as many markers and lengths are met by one, whatever is wrong, but that it leans"""
+OPEN = f" These recordings do not show whether it is {' or '.join(PLACED)}: look there next."
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class Mistake:
     order: tuple[int, ...] | None = None
     """of the cables, 1-based, where that is the change: cable k of the robot file is order[k − 1] of the recording"""
     doubtful: bool = False
-    """a fitted frame or marker (`placed`) that cures some millimetres, not down to noise: other errors look the same"""
+    """a fitted frame or marker (`placed`) that cures some millimetres, not down to noise: others look the same. Or
+    nothing cures them, where the recordings determine no frame or no marker"""
 
 
 def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3) -> tuple[Mistake, ...]:
@@ -57,7 +61,8 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     )
     fitted: list[tuple[float, Change]] = []
     # What people mix up comes first where it leaves little: what is fitted to the data fits better still.
-    if not _cures(before, tried[0][0]) or tried[0][0] > DATA_CHECKS.robot_mistakes_part:
+    partly = not _cures(before, tried[0][0]) or tried[0][0] > DATA_CHECKS.robot_mistakes_part
+    if partly:
         fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
         tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
@@ -66,17 +71,20 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     def doubtful(after: float) -> bool:
         return before < DATA_CHECKS.robot_mistakes_fitted and after > DATA_CHECKS.robot_mistakes_noise * noise
 
-    open_ = len(fitted) < len(PLACED)
+    measured = sample.markers[0].size + robot.n
+    open_ = measured <= POSE or (partly and len(fitted) < len(PLACED))
     guessed = open_ and best > DATA_CHECKS.robot_mistakes_part and before > DATA_CHECKS.hopeless
     if _cures(before, best) and not guessed:
         return tuple(
-            replace(_mistake(change, before, after), doubtful=(after, change) in fitted and doubtful(after))
+            _doubted(mistake) if (after, change) in fitted and doubtful(after) else mistake
             for after, change in tried[:3]
             if after <= DATA_CHECKS.robot_mistakes_tie * best
+            for mistake in [_mistake(change, before, after, open_=open_)]
         )
-    if before <= DATA_CHECKS.hopeless:
+    if before <= DATA_CHECKS.hopeless and not open_:
         return ()
-    return (_uncured(tried[0][1], before, best, len(tried), open_=open_),)
+    uncured = _uncured(tried[0][1], before, best, len(tried), open_=open_)
+    return (replace(uncured, doubtful=before <= DATA_CHECKS.hopeless),)
 
 
 def _hanging(unchanged: Mechanism, sample: PoseSamples) -> float:
@@ -106,21 +114,25 @@ def _misfit(change: Change, sample: PoseSamples, unchanged: Mechanism) -> float:
     return misfit(unchanged if change.robot is unchanged.robot else Mechanism(change.robot), lengths, markers)
 
 
-def _mistake(change: Change, before: float, after: float) -> Mistake:
+def _mistake(change: Change, before: float, after: float, *, open_: bool) -> Mistake:
     says = f"{change.says}: if corrected, markers and cable lengths agree within {after * 1e3:.2g} mm; "
     says += f"as the files are, {_missed(before)}."
     if after > DATA_CHECKS.robot_mistakes_part:
         says += " That is still too much: something else is wrong as well."
+    says += OPEN if open_ else ""
     order = None if change.order is None else tuple(k + 1 for k in change.order)
     return Mistake(says, before, after, order)
 
 
+def _doubted(mistake: Mistake) -> Mistake:
+    return replace(mistake, says=f"Perhaps: {mistake.says}", doubtful=True)
+
+
 def _uncured(nearest: Change, before: float, after: float, tried: int, *, open_: bool) -> Mistake:
-    says = f"Markers and cable lengths contradict it: {_missed(before)}. {tried} simple changes "
+    says = f"{_missed(before).capitalize()}. {tried} simple changes "
     says += "(order of cables, units, axes, turns) were tried, and none removes this; the nearest: "
     says += f"{nearest.says[0].lower()}{nearest.says[1:]} ({after * 1e3:.2g} mm)."
-    if open_:
-        says += f" These recordings do not show whether it is {' or '.join(PLACED)}: look there next."
+    says += OPEN if open_ else ""
     return Mistake(says, before, after)
 
 

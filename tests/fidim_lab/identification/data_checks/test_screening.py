@@ -311,6 +311,21 @@ def test_a_platform_that_leans_by_its_markers_contradicts_nothing(irma4, lean):
     assert find_mistakes(swapped, tuple(windows))
 
 
+@pytest.mark.parametrize("by", [(0.0, 0.08, 0.0), (0.06, 0.0, 0.05)])
+def test_one_marker_on_three_cables_that_is_elsewhere_is_looked_for(irma4, by):
+    """Neither a frame nor a marker is determined by so little: both are named."""
+    robot = replace(irma4, cables=irma4.cables[:3], extra_markers=())
+    random, windows = np.random.default_rng(4), []
+    for k, place in enumerate(PLACES):
+        turned = Rotation.from_rotvec([0.05 * k, -0.04, 0.02 * k]).as_matrix()
+        held = Mechanism(robot).lengths(np.array(place)[None], turned[None])
+        markers = np.array(place) + turned @ robot.marker + NOISE * random.standard_normal((401, 1, 3))
+        windows.append(Window("w", Role.IDENTIFY, np.arange(401) / 100, markers, np.tile(held, (401, 1)), None))
+    elsewhere = replace(robot, marker=robot.marker + np.array(by))
+    found = find_mistakes(elsewhere, tuple(windows))
+    assert "not where the robot file has it on the body" in found[0].says
+
+
 def test_a_recording_whose_z_axis_is_another_is_named(clean):
     campaign = clean()
     y_up = tuple(replace(w, markers=w.markers[:, :, [0, 2, 1]] * [1.0, 1.0, -1.0]) for w in campaign.windows)
