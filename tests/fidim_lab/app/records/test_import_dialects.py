@@ -193,7 +193,9 @@ def crowded(swing: Swing) -> tuple[str, str]:
     return joined(lines), MAP + more
 
 
-@pytest.mark.parametrize(("order", "cause"), [("p0,p1,p2,p3,p4", ""), ("p1,p0,p2,p3,p4", "Give --order p0,p1,p2,p3,p4")])
+@pytest.mark.parametrize(
+    ("order", "cause"), [("p0,p1,p2,p3,p4", ""), ("p1,p0,p2,p3,p4", "Give --order p0,p1,p2,p3,p4")]
+)
 def test_a_stated_order_tells_the_unit_and_is_checked(order: str, cause: str, swing: Swing, tmp_path: Path):
     text, columns = crowded(swing)
     code, said = imported(swing, tmp_path, "csv", text.encode(), "--order", order, columns=columns)
