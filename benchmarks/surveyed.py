@@ -19,8 +19,7 @@ from benchmarks.page import table, write_section
 from benchmarks.sealed.campaigns import ATTACHMENTS, with_survey_errors
 from benchmarks.sealed.seal import SURVEY_ERRORS
 from benchmarks.spoilt.worlds import swung
-from fidim_lab.app.workflows.identify import identify_posed
-from fidim_lab.app.workflows.pose_from import PosedCampaign
+from fidim_lab.app.workflows.identify import PosedCampaign, identify_posed
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Survey
 from fidim_lab.errors import FidimError
 

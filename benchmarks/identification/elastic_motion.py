@@ -2,7 +2,8 @@
 
     τ = stretch/κ + c · d stretch/dt,   M v̇ = φ − C v + w − (Ξᵀ − W) τ
 
-Twelve freedoms, tensions by `model.motion.elastic`; W is what the effects do for each newton of tension, per unit mass.
+Twelve freedoms, tensions by `model.sensitivity.equations`; W is what the effects do for each newton of tension, per
+unit mass.
 Cables that no effect stretches stay rigid.
 """
 
@@ -15,8 +16,8 @@ from fidim_lab.errors import SetupError
 from fidim_lab.model.batch import function
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.dynamics import FreeMotion, default_extra, native_or_not, simulated, stepping
-from fidim_lab.model.motion.elastic import compliant_cables, spring_tensions
 from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations, saddle
+from fidim_lab.model.sensitivity.equations import compliant_cables, spring_tensions
 
 STEP = 1e-3
 """s; enough for 10 kg on cables of 1e6 N/m"""

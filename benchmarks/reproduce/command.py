@@ -11,7 +11,7 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks.reproduce import simulated, tables
+from benchmarks.reproduce import paper, simulated, tables
 from benchmarks.reproduce.file import FORMAT, to_json
 from benchmarks.reproduce.simulated import IdentifiedRun, Places, Reproduction, read
 from benchmarks.reproduce.words import sentences
@@ -19,7 +19,6 @@ from fidim_lab.app import compose
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
-from fidim_lab.data import paper
 from fidim_lab.data.records import Campaign, Plan, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import SetupError

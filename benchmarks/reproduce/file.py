@@ -1,8 +1,8 @@
 """`fidim reproduce --json`: "fidim-reproduction/1" (docs/reproduce.md)."""
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.simulated import IdentifiedRun, Places, Reproduction, essential_difference
 from benchmarks.reproduce.words import sentences
-from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 
 FORMAT = "fidim-reproduction/1"

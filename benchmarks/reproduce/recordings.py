@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks.reproduce import recordings_words
+from benchmarks.reproduce import paper, recordings_words
 from benchmarks.reproduce.processed import Processed, read_bodies, read_processed
 from benchmarks.reproduce.recordings_file import FORMAT, to_json
 from benchmarks.reproduce.recordings_found import ByCables, FromRecordings
@@ -22,7 +22,6 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_takes import find_windows
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
-from fidim_lab.data import paper
 from fidim_lab.data.importers.grab import FITTED, GROUPS, VALIDATED, read_grab
 from fidim_lab.data.importers.takes import Takes
 from fidim_lab.data.records import Campaign, Role, Window

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.recordings_found import FromRecordings
 from benchmarks.reproduce.recordings_words import sentences
 from benchmarks.reproduce.takes import TakesIdentified
-from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 
 FORMAT = "fidim-recordings-reproduction/1"

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.takes import Checked, TakesIdentified, difference_percent
-from fidim_lab.data import paper
 from fidim_lab.data.records import Body
 
 

@@ -4,10 +4,10 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.recordings_found import FromRecordings
 from benchmarks.reproduce.takes import TakesIdentified
 from fidim_lab.app.terminal import console
-from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.units import millimetres
 

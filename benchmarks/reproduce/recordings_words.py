@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.recordings_found import FromRecordings
-from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.units import millimetres
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.data import paper
+from benchmarks.reproduce import paper
 from fidim_lab.data.records import Body, Campaign, PlannedWindow, Robot, Role
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.equations import total_least_squares

@@ -6,6 +6,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.simulated import (
     ESSENTIAL,
     HOPELESS,
@@ -15,7 +16,6 @@ from benchmarks.reproduce.simulated import (
     essential_difference,
 )
 from fidim_lab.app.terminal import console
-from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.units import millimetres, plain
 

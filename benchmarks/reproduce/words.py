@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.simulated import ESSENTIAL, IdentifiedRun, Reproduction, essential_difference
-from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 
 TRUTH = paper.FREE.body

@@ -6,8 +6,7 @@ bit. What it returns prints as the command prints, and becomes a pandas table by
 """
 
 from fidim_lab.api.answers import Designed, Explained, Identified, Validated
-from fidim_lab.api.calls import design, explain, identify, load, load_robot, report, simulate, validate
-from fidim_lab.api.inputs import Campaign, Robot
+from fidim_lab.api.calls import Campaign, Robot, design, explain, identify, load, load_robot, report, simulate, validate
 from fidim_lab.data.records import Body
 from fidim_lab.errors import FidimError
 

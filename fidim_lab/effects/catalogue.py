@@ -1,46 +1,45 @@
 """All effects of spec/model.md §5 for one robot, in a stable order.
 
 `catalogue(robot)` has one value for each effect, variant and cable; `by_id` those of one id. `IDS` are the ids, fixed
-because they appear in results. To add an effect see docs/effects.md: write its file, and add a line to `_MAKERS`.
+because they appear in results. To add an effect see docs/effects.md: write its class, and add a line to `_MAKERS`.
 """
 
 from collections.abc import Callable, Iterable
 
 from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.cables.cable_mass import CableMass
-from fidim_lab.effects.cables.cable_torsion import CableTorsion, HoseTorsion
-from fidim_lab.effects.cables.damped_springs import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
-from fidim_lab.effects.cables.lay_torque import LayTorque
-from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.cables.cable_elasticity import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
+from fidim_lab.effects.cables.cable_mass import CableMass, SwivelInertia
+from fidim_lab.effects.cables.cable_torsion import CableTorsion, HoseTorsion, LayTorque
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
-from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction, PulleyFrictionByTension
-from fidim_lab.effects.dissipation.rotational_drag import (
+from fidim_lab.effects.dissipation.drag import (
+    AirDragLinear,
+    AirDragQuadratic,
     RotationalDrag,
     RotationalDragPerAxis,
     RotationalDragQuadratic,
 )
-from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction, SwivelFrictionGivingWay
-from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
-from fidim_lab.effects.geometry.attachment_offset import AttachmentOffset
-from fidim_lab.effects.geometry.cable_creep import CableCreep
-from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
-from fidim_lab.effects.geometry.capture_scale import CaptureScale
-from fidim_lab.effects.geometry.clock import ClockRate, TimeOffset
-from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
-from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
-from fidim_lab.effects.geometry.marker_offset import MarkerOffset
-from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
-from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
-from fidim_lab.effects.loads.body_force import BodyForce
-from fidim_lab.effects.loads.constant_force import ConstantForce
-from fidim_lab.effects.loads.frame_sway import FrameSway, FrameSwayOwnPhase
+from fidim_lab.effects.dissipation.pulley_friction import (
+    PulleyFriction,
+    PulleyFrictionByTension,
+    SwivelDamping,
+    SwivelFriction,
+    SwivelFrictionGivingWay,
+)
+from fidim_lab.effects.effect import HandContact, NamedEffect, SensorFault, UnknownEffect
+from fidim_lab.effects.geometry.cable_geometry import (
+    AnchorOffset,
+    AttachmentOffset,
+    CableCreep,
+    CableLengthBias,
+    PulleyRadius,
+)
+from fidim_lab.effects.geometry.frames import CaptureScale, ClockRate, FrameMisalignment, GravityTilt, TimeOffset
+from fidim_lab.effects.geometry.markers import MarkerOffset, MarkerStalk
+from fidim_lab.effects.loads.constant_force import BodyForce, ConstantForce
 from fidim_lab.effects.loads.loose_mass import LooseMass, LooseMassOnAxis
-from fidim_lab.effects.loads.periodic_force import PeriodicForce, PeriodicForceOwnPhase
+from fidim_lab.effects.loads.oscillation import FrameSway, FrameSwayOwnPhase, PeriodicForce, PeriodicForceOwnPhase
 from fidim_lab.effects.loads.umbilical import Umbilical, UmbilicalWithRest
-from fidim_lab.effects.without_term import HandContact, SensorFault, UnknownEffect
 from fidim_lab.errors import SetupError
 
 Maker = Callable[[Robot], Iterable[NamedEffect]]

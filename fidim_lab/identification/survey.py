@@ -13,14 +13,15 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Robot, Survey
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
-from fidim_lab.effects.geometry.attachment_offset import AttachmentOffset
-from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
-from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
-from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
-from fidim_lab.effects.geometry.marker_offset import MarkerOffset
-from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
-from fidim_lab.effects.geometry.swivel_axis import SwivelAxis
+from fidim_lab.effects.geometry.cable_geometry import (
+    AnchorOffset,
+    AttachmentOffset,
+    CableLengthBias,
+    PulleyRadius,
+    SwivelAxis,
+)
+from fidim_lab.effects.geometry.frames import FrameMisalignment, GravityTilt
+from fidim_lab.effects.geometry.markers import MarkerOffset
 from fidim_lab.model.mechanism import Mechanism
 
 TYPICAL_ANCHOR, TYPICAL_ATTACHMENT = 1e-3, 0.5e-3

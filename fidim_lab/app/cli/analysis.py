@@ -35,23 +35,18 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
 
 @fidim.command()
 @click.argument("campaigns", type=FOLDER, nargs=-1, required=True)
-@click.option(
-    "--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where mle cannot be used."
-)
+@click.option("--method", help="Estimator: mle, tls, ls or iv; default mle, or tls where mle cannot be used.")
 @click.option(
     "--paper",
     is_flag=True,
     help="Total least squares exactly as in the paper, beside the scaled and the weighted form.",
 )
 @click.option(
-    "--payload",
-    type=FOLDER,
-    default=None,
-    help="Second campaign, with a known payload; together they give the platform's mass.",
+    "--payload", type=FOLDER, help="Second campaign, with a known payload; together they give the platform's mass."
 )
-@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="Mass of the payload.")
+@click.option("--mass", type=Number(0, min_open=True), metavar="KG", help="Mass of the payload.")
 @click.option("--mass-sd", type=Number(0), default=0.0, metavar="KG", help="Standard deviation of --mass.")
-@click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
+@click.option("--at", metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
 @click.option(
     "--at-sd", type=Number(0), default=0.0, metavar="M", help="Standard deviation of each coordinate of --at."
 )
@@ -64,7 +59,7 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
     help="mocap: markers; swivel: lengths, swivel angles s1… and inclination incl_x…; both: all, weighted.",
 )
 @answer_option("fidim-result/1")
-@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML report.")
+@click.option("--report", type=OUT_FILE, help="Write a self-contained HTML report.")
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
     "      fidim identify four-cables three-cables two-cables --report joint.html\n"
@@ -155,9 +150,7 @@ def validate(**options: Any) -> None:
     type=click.IntRange(1, 60),
     help="Number of windows in Fig. 3.",
 )
-@click.option(
-    "--recordings", type=FOLDER, default=None, help="Folder of the paper's own takes, used instead of a simulation."
-)
+@click.option("--recordings", type=FOLDER, help="Folder of the paper's own takes, used instead of a simulation.")
 @answer_option("fidim-reproduction/1")
 @example("fidim reproduce --json reproduction.json\n      fidim reproduce --recordings grab")
 def reproduce(recordings: Path | None, **options: Any) -> None:
@@ -184,20 +177,12 @@ def reproduce(recordings: Path | None, **options: Any) -> None:
     "--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True, help="Simulator."
 )
 @click.option(
-    "--noise",
-    type=Number(0),
-    default=None,
-    help="Standard deviation of the marker noise, m; default: that of the robot file.",
+    "--noise", type=Number(0), help="Standard deviation of the marker noise, m; default: that of the robot file."
 )
 @seed_option()
 @EQUILIBRIA
 @held_out_option(6)
-@click.option(
-    "--plan",
-    type=FILE,
-    default=None,
-    help="Record this plan, for example from fidim design, instead of random windows.",
-)
+@click.option("--plan", type=FILE, help="Record this plan, for example from fidim design, instead of random windows.")
 @click.option(
     "--own-sensors", is_flag=True, help="Also record swivel encoders s1… and an inclinometer incl_x…, for --pose-from."
 )
@@ -215,12 +200,9 @@ def simulate(**options: Any) -> None:
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
 @answer_option("fidim-explanation/1")
-@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page with the proof.")
+@click.option("--report", type=OUT_FILE, help="Write a self-contained HTML page with the proof.")
 @click.option(
-    "--pictures",
-    type=OUT_FOLDER,
-    default=None,
-    help="With --report: also write every picture as an SVG file into this folder.",
+    "--pictures", type=OUT_FOLDER, help="With --report: also write every picture as an SVG file into this folder."
 )
 @click.option(
     "--patience",
@@ -304,8 +286,8 @@ def benchmark(context: click.Context) -> None:
     "Default: some of each.",
 )
 @click.option("--surveyed", is_flag=True, help="All robot files are off by survey errors. Default: some are.")
-@click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result as JSON.")
-@click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a documentation page.")
+@click.option("--json", "json_file", type=OUT_FILE_DEEP, help="Write the result as JSON.")
+@click.option("--page", type=OUT_FILE_DEEP, help="Write the result as a documentation page.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
     """Simulate campaigns with secret effects of random size in random robots, explain them blind, score the answers."""
@@ -319,7 +301,7 @@ def benchmark_explain(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=ROBOT, default=None, help="Robot file; default: the paper's four-cable robot.")
+@click.option("--robot", type=ROBOT, help="Robot file; default: the paper's four-cable robot.")
 @EQUILIBRIA
 @click.option(
     "--samples",
@@ -346,7 +328,7 @@ def benchmark_explain(**options: Any) -> None:
     help="Average criterion A or D over this many bodies that differ from CAD by 5 %.",
 )
 @seed_option()
-@click.option("--out", type=OUT_FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
+@click.option("--out", type=OUT_FOLDER, help="Folder for plan.toml, design.json and equilibria.svg.")
 @answer_option("fidim-design/1")
 @PROCESSES
 @SCHEDULER
@@ -381,12 +363,8 @@ def benchmark_explain(**options: Any) -> None:
 @click.option(
     "--study", is_flag=True, help="Instead of one design, compare criterion C for 8–16 equilibria and 50–150 samples."
 )
-@click.option(
-    "--after", type=FILE, default=None, help="Propose what to record next, after this explanation.json or result.json."
-)
-@click.option(
-    "--campaign", type=FOLDER, default=None, help="With --after: its campaign; default: the folder of that file."
-)
+@click.option("--after", type=FILE, help="Propose what to record next, after this explanation.json or result.json.")
+@click.option("--campaign", type=FOLDER, help="With --after: its campaign; default: the folder of that file.")
 @example(
     "fidim design --robot robot.toml --starts 20 --out design\n"
     "      fidim design --after runs/dry-run-1/explanation.json --out next"

@@ -18,18 +18,16 @@ LISTING = click.option(
 EMBEDDED = click.option(
     "--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process."
 )
-PROCESSES = click.option(
-    "--processes", default=None, type=click.IntRange(1), help="Number of processes; default: one for each core."
-)
+PROCESSES = click.option("--processes", type=click.IntRange(1), help="Number of processes; default: one for each core.")
 SCHEDULER = click.option(
-    "--scheduler", default=None, metavar="ADDRESS", help="Address of a dask cluster to use instead of local processes."
+    "--scheduler", metavar="ADDRESS", help="Address of a dask cluster to use instead of local processes."
 )
 YES = click.option("--yes", is_flag=True, help="Confirm that the load is secured, without being asked.")
 
 
 def answer_option(kind: str, path: click.Path = OUT_FILE) -> Option:
     """`--json` of a command whose answer is a file of this kind."""
-    return click.option("--json", "json_file", type=path, default=None, help=f'Write the answer as JSON ("{kind}").')
+    return click.option("--json", "json_file", type=path, help=f'Write the answer as JSON ("{kind}").')
 
 
 def seed_option(says: str = "Random seed.") -> Option:

@@ -18,17 +18,11 @@ from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
 @click.argument("sources", nargs=-1, required=True, type=FOLDER)
 @click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @click.option(
-    "--robot",
-    type=ROBOT,
-    default=None,
-    help="Robot file (or irma4) with the markers; needed for every kind except irma4u and grab.",
+    "--robot", type=ROBOT, help="Robot file (or irma4) with the markers; needed for every kind except irma4u and grab."
 )
-@click.option(
-    "--map", "map_file", type=FOLDER, default=None, help="csv: file that says what each column is (fidim-columns/1)."
-)
+@click.option("--map", "map_file", type=FOLDER, help="csv: file that says what each column is (fidim-columns/1).")
 @click.option(
     "--takes",
-    default=None,
     metavar="WHICH",
     help="Which takes: numbers for grab (1-36,40), otherwise a file name pattern ('v_*.txt').",
 )
@@ -39,19 +33,15 @@ from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
     metavar="PATTERN",
     help="Logs of the robot ('logs/r_*.log'), assigned to the takes by name or by clock.",
 )
-@click.option(
-    "--log-map", type=FOLDER, default=None, help="File that says what each column of the logs is (fidim-log/1)."
-)
+@click.option("--log-map", type=FOLDER, help="File that says what each column of the logs is (fidim-log/1).")
 @click.option("--topic", "topics", multiple=True, metavar="PATTERN", help="mcap, ros2-bag: topics to read.")
-@click.option("--up", type=click.Choice(["x", "y", "z"]), default=None, help="The file's axis that points upwards.")
-@click.option("--unit", type=click.Choice(["m", "cm", "mm", "in"]), default=None, help="The file's unit of length.")
-@click.option("--rate", type=Number(0, min_open=True), default=None, metavar="HZ", help="The file's frame rate.")
-@click.option(
-    "--order", default=None, metavar="A,B,C", help="Names of the file's markers, in the order of the robot file."
-)
-@click.option("--body", default=None, metavar="NAME", help="Use the poses of this rigid body instead of the markers.")
-@click.option("--cables", default=None, metavar="2,1,…", help="Which of the log's cables are the robot file's 1, 2, …")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write what was found as JSON.")
+@click.option("--up", type=click.Choice(["x", "y", "z"]), help="The file's axis that points upwards.")
+@click.option("--unit", type=click.Choice(["m", "cm", "mm", "in"]), help="The file's unit of length.")
+@click.option("--rate", type=Number(0, min_open=True), metavar="HZ", help="The file's frame rate.")
+@click.option("--order", metavar="A,B,C", help="Names of the file's markers, in the order of the robot file.")
+@click.option("--body", metavar="NAME", help="Use the poses of this rigid body instead of the markers.")
+@click.option("--cables", metavar="2,1,…", help="Which of the log's cables are the robot file's 1, 2, …")
+@click.option("--json", "json_file", type=OUT_FILE, help="Write what was found as JSON.")
 @example(
     "fidim import irma4u recordings/irma4u --out real\n"
     "      fidim import vicon-text take1.txt take2.txt --robot robot.toml --out takes\n"
@@ -91,10 +81,8 @@ def import_(
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option("--out", type=OUT_FILE, default=None, help="HTML file; default FOLDER/report.html.")
-@click.option(
-    "--pictures", type=OUT_FOLDER, default=None, help="Also write every picture as an SVG file into this folder."
-)
+@click.option("--out", type=OUT_FILE, help="HTML file; default FOLDER/report.html.")
+@click.option("--pictures", type=OUT_FOLDER, help="Also write every picture as an SVG file into this folder.")
 @answer_option("fidim-report/1")
 @example("fidim report runs/dry-run-1 --pictures runs/dry-run-1/export/pictures")
 def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Path | None) -> None:
@@ -111,7 +99,7 @@ def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Pat
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 @answer_option("fidim-comparison/1")
-@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page.")
+@click.option("--report", type=OUT_FILE, help="Write a self-contained HTML page.")
 @example("fidim compare runs/monday runs/tuesday --report compare.html")
 def compare(first: Path, second: Path, json_file: Path | None, report: Path | None) -> None:
     """Compare two sessions: run or campaign folders, or "fidim-result/1" files.
@@ -144,25 +132,17 @@ def verify(folder: Path, json_file: Path | None) -> None:
     type=click.Choice(["csv", "parquet", "mat", "mcap", "urdf", "mjcf", "python", "toml"]),
     help="csv, parquet, mat, mcap for a campaign; urdf, mjcf, python, toml for a result.",
 )
-@click.option("--out", type=OUT_EITHER, default=None, help="File or folder to write; it must not exist yet.")
+@click.option("--out", type=OUT_EITHER, help="File or folder to write; it must not exist yet.")
 @click.option(
-    "--mass",
-    type=Number(0, min_open=True),
-    default=None,
-    metavar="KG",
-    help="Mass of the platform; urdf and mjcf need it.",
+    "--mass", type=Number(0, min_open=True), metavar="KG", help="Mass of the platform; urdf and mjcf need it."
 )
 @click.option(
     "--campaign",
     type=FOLDER,
-    default=None,
     help="Campaign that SOURCE was computed from: mjcf and python then write the whole robot with its cables.",
 )
 @click.option(
-    "--window",
-    default=None,
-    metavar="ID",
-    help="With --campaign: window at whose start the robot begins; default: a held-out one.",
+    "--window", metavar="ID", help="With --campaign: window at whose start the robot begins; default: a held-out one."
 )
 @click.option(
     "--unfinished",

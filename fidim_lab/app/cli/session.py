@@ -16,14 +16,12 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, 
 
 
 @fidim.command("dry-run")
-@click.option(
-    "--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists."
-)
+@click.option("--out", type=OUT_FOLDER, help="Run folder; default runs/dry-run-SEED, numbered if it exists.")
 @seed_option("Random seed; the same seed gives the same windows, byte for byte.")
-@click.option("--robot", type=ROBOT, default=None, help="Robot file; default: the paper's four-cable robot.")
+@click.option("--robot", type=ROBOT, help="Robot file; default: the paper's four-cable robot.")
 @EQUILIBRIA
 @held_out_option(3)
-@click.option("--plan", type=FILE, default=None, help="Rehearse this plan instead of a random one.")
+@click.option("--plan", type=FILE, help="Rehearse this plan instead of a random one.")
 @click.option(
     "--excite", is_flag=True, help="The winches excite the platform, not a hand (fidim run --procedure excite)."
 )
@@ -35,7 +33,7 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, 
     help="Rehearse from the terminal UI, in real time: keys start the run, answer prompts and stop it.",
 )
 @click.option("--light", is_flag=True, help="With --ui: dark text on a light background.")
-@click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write the result as JSON.")
+@click.option("--json", "json_file", type=OUT_FILE, help="Write the result as JSON.")
 @example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
 def dry_run(**options: Any) -> None:
     """Rehearse the whole experiment on embedded simulators, which exchange real bytes with the drivers."""
@@ -54,7 +52,7 @@ def dry_run(**options: Any) -> None:
 @fidim.command("run")
 @click.argument("plan", type=FILE)
 @click.option("--rig", type=FILE, required=True, help="Rig file.")
-@click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
+@click.option("--out", type=OUT_FOLDER, help="Run folder; default runs/PLAN, numbered if it exists.")
 @click.option(
     "--procedure",
     default="identify",
@@ -76,22 +74,16 @@ def dry_run(**options: Any) -> None:
     help="Answer prompts of this kind with CHOICE, after S seconds.",
 )
 @click.option(
-    "--max-hours",
-    type=Number(0, min_open=True),
-    default=None,
-    help="End the run after so many hours, with the robot held.",
+    "--max-hours", type=Number(0, min_open=True), help="End the run after so many hours, with the robot held."
 )
-@click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="Begin no window between these times of day.")
+@click.option("--quiet-hours", metavar="HH:MM-HH:MM", help="Begin no window between these times of day.")
 @click.option("--on-finish", default="", metavar="COMMAND", help="Command to execute after a successful run.")
 @click.option("--on-fault", default="", metavar="COMMAND", help="Command to execute after any other run.")
-@click.option("--operator", default=None, metavar="NAME", help="Your name, for fidim ls; default: your user name.")
+@click.option("--operator", metavar="NAME", help="Your name, for fidim ls; default: your user name.")
 @click.option("--note", default="", metavar="TEXT", help="A note on this run, for fidim ls.")
 @click.option("--stay", is_flag=True, help="Keep the service running after the run, until fidim shutdown.")
 @click.option(
-    "--tcp",
-    type=click.IntRange(0, 65535),
-    default=None,
-    help="Also listen on this port of 127.0.0.1; clients need a token.",
+    "--tcp", type=click.IntRange(0, 65535), help="Also listen on this port of 127.0.0.1; clients need a token."
 )
 @answer_option("fidim-summary/1")
 @example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
@@ -110,7 +102,7 @@ def run_(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
-@click.option("--rig", type=FILE, default=None, help="Attach to the service of this rig.")
+@click.option("--rig", type=FILE, help="Attach to the service of this rig.")
 @click.option("--light", is_flag=True, help="Dark text on a light background.")
 @click.option("--web", is_flag=True, help="Show the UI in a browser on this computer, protected by a token.")
 @click.option(
@@ -166,7 +158,7 @@ class _Hasty(click.Command):
 
 
 @fidim.command(cls=_Hasty, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
-@click.option("--rig", type=FILE, default=None, help="Stop only the service of this rig; default: all your services.")
+@click.option("--rig", type=FILE, help="Stop only the service of this rig; default: all your services.")
 @click.option("--reason", default="", help="Reason, written to the journal.")
 @answer_option("fidim-stop/1", FILE)  # a stop waits for no path
 @example("fidim stop")
@@ -182,7 +174,7 @@ def stop(rig: Path | None, reason: str, json_file: Path | None, not_understood: 
 
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
-@click.option("--rig", type=FILE, default=None, help="Rig file; default: that of the run in FOLDER.")
+@click.option("--rig", type=FILE, help="Rig file; default: that of the run in FOLDER.")
 @answer_option("fidim-reset/1")
 @example("fidim reset --rig rig.toml")
 def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
@@ -198,7 +190,7 @@ def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None
 
 @fidim.command()
 @click.argument("folder", type=FOLDER, required=False)
-@click.option("--rig", type=FILE, default=None, help="End the service of this rig.")
+@click.option("--rig", type=FILE, help="End the service of this rig.")
 @answer_option("fidim-shutdown/1")
 @example("fidim shutdown")
 def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
@@ -212,15 +204,8 @@ def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> N
 @click.argument("rig", type=FILE)
 @seed_option("Random seed of the robot's true parameters and of all noise.")
 @hide_option("Add this effect to the simulation; the model does not have it.")
-@click.option(
-    "--plan", type=FILE, default=None, help="Begin at rest, with the cable lengths of this plan's first window."
-)
-@click.option(
-    "--ports",
-    default=None,
-    metavar="BUS,MOCAP,HAND",
-    help="Ports of 127.0.0.1 to use instead of those of the rig file.",
-)
+@click.option("--plan", type=FILE, help="Begin at rest, with the cable lengths of this plan's first window.")
+@click.option("--ports", metavar="BUS,MOCAP,HAND", help="Ports of 127.0.0.1 to use instead of those of the rig file.")
 @click.option("--no-load", is_flag=True, help="Simulate drums without the platform, for fidim commission.")
 @click.option("--until-input-ends", is_flag=True, hidden=True)
 @example("fidim simulators examples/rigs/simulated.toml")
@@ -244,7 +229,7 @@ def simulators(**options: Any) -> None:
     metavar="NAME",
     help="Who is at the robot; faults are acknowledged in this name. Required except with --list.",
 )
-@click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default: runs/commission-RIG.")
+@click.option("--out", type=OUT_FOLDER, help="Run folder; default: runs/commission-RIG.")
 @LISTING
 @EMBEDDED
 @seed_option("With --embedded: random seed of the simulation.")
@@ -268,11 +253,7 @@ def commission(**options: Any) -> None:
 @click.argument("rig", type=FILE)
 @YES
 @click.option(
-    "--acknowledge",
-    "acknowledged_by",
-    default=None,
-    metavar="NAME",
-    help="Also reset faults; NAME has checked their cause.",
+    "--acknowledge", "acknowledged_by", metavar="NAME", help="Also reset faults; NAME has checked their cause."
 )
 @answer_option("fidim-power-off/1", FILE)  # likewise
 @example("fidim power-off rig.toml")
@@ -304,18 +285,13 @@ def brake(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
+@click.option("--robot", type=ROBOT, help="Also check this robot file for plausibility.")
+@click.option("--rig", type=FILE, help="Also check the hardware of this rig file; it is only read, nothing moves.")
 @click.option(
-    "--rig", type=FILE, default=None, help="Also check the hardware of this rig file; it is only read, nothing moves."
+    "--picture", type=OUT_FILE, help="With --robot: write a drawing of the robot with all its symbols to this SVG file."
 )
-@click.option(
-    "--picture",
-    type=OUT_FILE,
-    default=None,
-    help="With --robot: write a drawing of the robot with all its symbols to this SVG file.",
-)
-@click.option("--eds", type=FILE, default=None, help="Show what the drive of this EDS or DCF file can do.")
-@click.option("--family", default=None, help="With --eds: a built-in drive family, or a file of your own (.toml).")
+@click.option("--eds", type=FILE, help="Show what the drive of this EDS or DCF file can do.")
+@click.option("--family", help="With --eds: a built-in drive family, or a file of your own (.toml).")
 @answer_option("fidim-doctor/1")
 @example("fidim doctor --rig rig.toml")
 def doctor(
@@ -358,10 +334,8 @@ def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
 
 @fidim.command()
 @click.argument("kind", type=click.Choice(["robot", "rig", "plan", "campaign"]))
-@click.option(
-    "--out", type=OUT_EITHER, default=None, help="File to write (for a campaign: the folder); default KIND.toml."
-)
-@click.option("--robot", type=ROBOT, default=None, help="Robot that the new file is for; default robot.toml.")
+@click.option("--out", type=OUT_EITHER, help="File to write (for a campaign: the folder); default KIND.toml.")
+@click.option("--robot", type=ROBOT, help="Robot that the new file is for; default robot.toml.")
 @click.option("--cables", default=4, show_default=True, type=int, help="Number of cables of a new robot, 2 to 5.")
 @click.option("--simulated", is_flag=True, help="For a rig: use the devices of fidim simulators instead of hardware.")
 @answer_option("fidim-init/1")

@@ -1,6 +1,8 @@
-"""The motion capture that a rig file names: what reads its bytes, and where they come from. One entry for each kind."""
+"""Motion capture and serial devices that a rig file names: what reads their bytes, and where those come from."""
 
+import contextlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from drivers.mocap.asked_udp import AskedUdpFeed, Greeting
 from drivers.mocap.decoders import (
@@ -23,8 +25,12 @@ from drivers.mocap.feeds import ByteFeed, Conversation, TcpFeed, UdpFeed
 from drivers.mocap.lsl_feed import LslFeed
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock
+from drivers.serial_line.gauge import LineGauge
+from drivers.serial_line.release import SerialRelease
+from fidim_lab.app.compose.loop import running
 from fidim_lab.data.rigs.rig import MocapEntry, RigFile
 from fidim_lab.data.rigs.rig_tables import MocapKind
+from fidim_lab.errors import SetupError
 
 CONVERSATIONS: Mapping[MocapKind, Callable[[], Conversation]] = {
     MocapKind.VICON_DATASTREAM: DataStreamWishes,
@@ -73,3 +79,26 @@ def _feed(entry: MocapEntry, clock: Clock) -> ByteFeed:
     if entry.transport == "tcp":
         return TcpFeed(clock, entry.host, entry.port, conversation=CONVERSATIONS.get(entry.kind))
     return UdpFeed(clock, entry.port, entry.host, sender=entry.sender)
+
+
+@dataclass(frozen=True)
+class SerialDevices:
+    """Those that a rig has."""
+
+    release: SerialRelease | None
+    gauges: tuple[LineGauge, ...]
+
+
+def serial_devices(file: RigFile, clock: Clock) -> SerialDevices:
+    """The drivers, not yet running. Raises SetupError naming the rig file for a pattern that is none."""
+    try:
+        gauges = tuple(LineGauge(entry, clock) for entry in file.gauges)
+    except SetupError as error:
+        raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
+    return SerialDevices(None if file.release is None else SerialRelease(file.release, clock), gauges)
+
+
+async def run_serial_devices(stack: contextlib.AsyncExitStack, devices: SerialDevices) -> None:
+    """Keep them connected until the context ends."""
+    for device in (*((devices.release,) if devices.release else ()), *devices.gauges):
+        await running(stack, device.run())

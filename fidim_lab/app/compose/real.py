@@ -21,8 +21,7 @@ from drivers.ports import Clock, Operator, Rig
 from drivers.remote_operator import RemoteOperator
 from fidim_lab.app.compose.homes import HomeKeeper
 from fidim_lab.app.compose.loop import running
-from fidim_lab.app.compose.motion_capture import marker_source
-from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
+from fidim_lab.app.compose.motion_capture import SerialDevices, marker_source, run_serial_devices, serial_devices
 from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_guard_tables import GuardsTable

@@ -18,9 +18,11 @@ from drivers.canbus.transport import CanFrame
 from drivers.cia402.dictionary import GENERIC_EDS, AmpereObject, WinchConfig
 from drivers.clock import LoopClock
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
-from fidim_lab.app.compose.simulated_motion_capture import MocapSender, as_cameras_see, mocap_sender
-from fidim_lab.app.compose.simulated_serial import (
+from fidim_lab.app.compose.simulated_motion_capture import (
+    MocapSender,
     SerialSimulators,
+    as_cameras_see,
+    mocap_sender,
     run_serial_simulators,
     serial_link,
     serial_simulators,

@@ -6,10 +6,15 @@ further where those are wrong. One that is fine and still has advice is a warnin
 
 import numpy as np
 
-from fidim_lab.app.doctor.finding import RobotFinding
-from fidim_lab.app.doctor.robot_cables import copies, pulleys, roll
-from fidim_lab.app.doctor.robot_order import order, what_would_rest
-from fidim_lab.app.doctor.robot_uncertainties import uncertainties
+from fidim_lab.app.doctor.robot_findings import (
+    RobotFinding,
+    copies,
+    order,
+    pulleys,
+    roll,
+    uncertainties,
+    what_would_rest,
+)
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.equations.consistency import can_exist

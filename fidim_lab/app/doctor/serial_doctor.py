@@ -13,7 +13,7 @@ from typing import Any
 from drivers.ports import Clock, ReleaseState
 from drivers.serial_line.gauge import LineGauge
 from drivers.serial_line.release import SerialRelease
-from fidim_lab.app.compose.serial_devices import serial_devices
+from fidim_lab.app.compose.motion_capture import serial_devices
 from fidim_lab.app.doctor.checks import Check, CheckVerdict
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_serial import GaugeEntry

@@ -18,7 +18,7 @@ from drivers.cia402.motion import Cia402Winch
 from drivers.mocap.decoders import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import DriveState, Rig
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.errors import DeviceError
 from procedures.recording.disk import disk_error
 

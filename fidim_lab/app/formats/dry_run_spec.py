@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from fidim_lab.app.formats.run_spec import NAME
 from fidim_lab.data.files.input_file import read_json
-from fidim_lab.data.files.json_file import validated_json
+from fidim_lab.data.files.mistakes import validated_json
 
 FORMAT = "fidim-dry-run/1"
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, WhereTable
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
 from fidim_lab.mismatch.conclusion.parts import HeldOutFigures, LawTerm, Ranked

@@ -9,6 +9,7 @@ import json
 import os
 import platform
 import subprocess
+from dataclasses import dataclass
 from importlib.metadata import distributions
 from pathlib import Path
 from typing import Literal
@@ -16,7 +17,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.data.files.input_file import open_input
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.errors import FileError
 from procedures.recording.disk import disk_error, sync
 
@@ -137,3 +138,53 @@ def _commit(checkout: Path) -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return told.stdout.strip() or None
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What was found; a folder is intact where the first three are empty."""
+
+    changed: tuple[str, ...]
+    """name of each file whose bytes are others, with how its size differs"""
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    checked: int
+    """files that are as they were"""
+    versions: tuple[str, ...]
+    """software that is another here: no fault of the folder, but a reason for other digits"""
+
+    @property
+    def intact(self) -> bool:
+        """Whether every file is there as it was, and no other."""
+        return not (self.changed or self.missing or self.extra)
+
+
+def verify(folder: Path) -> Verification:
+    """Hold a folder against its manifest. Raises FileError without one, and for a file that is unreadable."""
+    manifest = read_manifest(folder)
+    found = file_entries(folder)
+    common = sorted(manifest.files.keys() & found.keys())
+    changed = tuple(_says(name, manifest, found) for name in common if manifest.files[name] != found[name])
+    return Verification(
+        changed=changed,
+        missing=tuple(sorted(manifest.files.keys() - found.keys())),
+        extra=tuple(sorted(found.keys() - manifest.files.keys())),
+        checked=len(common) - len(changed),
+        versions=_differences(manifest.software, software()),
+    )
+
+
+def _says(name: str, manifest: Manifest, found: dict[str, FileEntry]) -> str:
+    was, is_ = manifest.files[name].size, found[name].size
+    return (
+        f"{name} ({was} bytes, but with other contents)"
+        if was == is_
+        else f"{name} ({was} bytes were recorded, {is_} found)"
+    )
+
+
+def _differences(then: Software, now: Software) -> tuple[str, ...]:
+    pairs = [("Python", then.python, now.python), ("fidim-lab commit", then.commit, now.commit)]
+    names = sorted(then.packages.keys() | now.packages.keys(), key=str.lower)
+    pairs += [(name, then.packages.get(name), now.packages.get(name)) for name in names]
+    return tuple(f"{name} {was or 'absent'}, here {is_ or 'absent'}" for name, was, is_ in pairs if was != is_)

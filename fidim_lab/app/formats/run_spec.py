@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from drivers.ports import PromptKind
 from fidim_lab.app.formats.key_words import range_words
 from fidim_lab.data.files.input_file import read_json
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.rigs.stop_file import stop_path
 from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings

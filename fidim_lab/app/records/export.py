@@ -6,6 +6,10 @@ mat         one MATLAB file, a struct for each window
 
 With the campaign that a result or an explanation is of, mjcf is the whole robot with its cables, from where a window
 began, and python a module of functions: lengths → pose and tensions, zero dynamics.
+
+What is left of windows that were broken off (killed process, power cut, guard): to be looked at, never to be fitted.
+
+They lie as `.part` files in `windows/` and `rejected/`, and become CSV files in a folder apart from any campaign.
 """
 
 import json
@@ -22,7 +26,6 @@ import scipy.io
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.body_text import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.formats.manifest import EXPORTS
-from fidim_lab.app.records.export_unfinished import export_unfinished
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import INDEX, ROBOT, read_campaign, write_campaign
 from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
@@ -34,6 +37,16 @@ from fidim_lab.identification.results.result_file import ResultTable, read_resul
 
 if TYPE_CHECKING:  # the mechanism takes half a second to import, and most exports need none
     from fidim_lab.app.records.export_robot import WindowStart
+from collections.abc import Iterator
+
+from fidim_lab.data.campaign import FORMAT, CampaignTable
+from fidim_lab.data.files.input_file import read_bytes
+from fidim_lab.data.files.toml_file import read_toml
+from fidim_lab.data.robot_file import read_robot
+from fidim_lab.data.window_csv import write_window_csv
+from fidim_lab.data.window_mcap import read_unfinished
+
+_CSV, _MCAP = ".csv.part", ".mcap.part"
 
 RESULT = "result.json"
 MOST_RMS = 1e-3
@@ -93,7 +106,7 @@ def export_command(
 
 def _replayed(path: Path, start: "WindowStart") -> float | None:
     """Replay by MuJoCo, where it is installed, and print how far it is from our prediction; that in m."""
-    from fidim_lab.app.compose.multibody_replay import replay_rms
+    from fidim_lab.app.compose.multibody import replay_rms
 
     rms = replay_rms(read_text(path), start.t, start.marker)
     if rms is None:
@@ -206,3 +219,39 @@ def _written(path: Path, write: Callable[[], object]) -> Path:
         what = f"{path} cannot be written: {error.strerror or error}."
         raise SetupError(what, hint="Choose another --out, or make room.") from error
     return path
+
+
+def unfinished_files(folder: Path) -> tuple[Path, ...]:
+    """The MCAP file of each broken-off window, or its CSV file where there is no other."""
+    found = {path for place in ("windows", "rejected") for path in (folder / place).glob("*.part")}
+    logs = {path for path in found if path.name.endswith(_MCAP)}
+    lone = {p for p in found - logs if p.name.endswith(_CSV) and p.with_name(_stem(p) + _MCAP) not in logs}
+    return tuple(sorted(logs | lone))
+
+
+def export_unfinished(folder: Path, out: Path) -> Iterator[tuple[Path, str]]:
+    """Write each as a CSV file; yields the file (or the source, where it holds nothing) and why it is incomplete.
+
+    Raises FileError for a folder whose campaign.toml or robot file is wrong.
+    """
+    robot = read_toml(folder / INDEX, CampaignTable, FORMAT).robot
+    cables = read_robot(folder / robot, named_by=folder / INDEX).n
+    for path in unfinished_files(folder):
+        out.mkdir(parents=True, exist_ok=True)
+        to = out / f"{path.parent.name}-{_stem(path)}.csv"
+        if path.name.endswith(_CSV):
+            text = read_bytes(path).decode("utf-8", "replace")
+            to.write_text(text[: text.rfind("\n") + 1], encoding="utf-8")
+            yield to, "the recording was broken off; whole lines are kept"
+            continue
+        try:
+            window = read_unfinished(path, cables)
+        except FileError as error:
+            yield path, error.message
+            continue
+        write_window_csv(to, window.columns)
+        yield to, window.problem
+
+
+def _stem(path: Path) -> str:
+    return path.name.removesuffix(_CSV).removesuffix(_MCAP)

@@ -10,17 +10,17 @@ import numpy as np
 
 from fidim_lab.app.compose.multibody import numbers
 from fidim_lab.arrays import Vector3
-from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
-from fidim_lab.effects.dissipation.rotational_drag import (
+from fidim_lab.effects.cables.cable_mass import SwivelInertia
+from fidim_lab.effects.dissipation.drag import (
+    AirDragLinear,
+    AirDragQuadratic,
     RotationalDrag,
     RotationalDragPerAxis,
     RotationalDragQuadratic,
 )
-from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
+from fidim_lab.effects.dissipation.pulley_friction import SwivelDamping, SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.loads.body_force import BodyForce
-from fidim_lab.effects.loads.constant_force import ConstantForce
+from fidim_lab.effects.loads.constant_force import BodyForce, ConstantForce
 from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.effects.wrenches import DRY_RATE
 from fidim_lab.errors import OurBugError

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from fidim_lab.app.formats.answer_file import write_answer
-from fidim_lab.app.formats.verification import verify
+from fidim_lab.app.formats.manifest import verify
 from fidim_lab.app.terminal import console
 from fidim_lab.say import printable
 

@@ -34,7 +34,7 @@ from fidim_lab.app.service.process.opening import HOMING, Opened, open_rig
 from fidim_lab.app.service.process.service import Identity, Service, new_token
 from fidim_lab.app.service.process.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.data.design_file import read_plan_or_design
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Alignment, Plan
 from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from drivers.clock import LoopClock
 from fidim_lab.app.tui.app import FidimUi
-from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.tui.link import Link
+from fidim_lab.app.tui.link import Finder, Link
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import OurBugError, SetupError
 

@@ -26,7 +26,7 @@ from fidim_lab.app.session.dry_run_plan import DryRunOptions, planned
 from fidim_lab.app.session.ui import need_terminal, run_ui
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
-from fidim_lab.app.tui.find import Finder
+from fidim_lab.app.tui.link import Finder
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot, write_robot

@@ -12,7 +12,7 @@ from typing import Literal
 from drivers.ports import Clock
 from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, WhereTable
 from fidim_lab.app.tui.aside import Aside, StalledError
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.errors import FileError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 from fidim_lab.mismatch.conclusion.parts import Before, HeldOutFigures, Ranked

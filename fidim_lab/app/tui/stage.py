@@ -15,13 +15,12 @@ from fidim_lab.app.tui.jobs import Jobs
 from fidim_lab.app.tui.paint import Line, Span, greyed, line, wrapped
 from fidim_lab.app.tui.result_files import ResultFilesWatch
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
-from fidim_lab.app.tui.screens.check import check_lines
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.plot import plot_lines
 from fidim_lab.app.tui.screens.result import result_lines
 from fidim_lab.app.tui.screens.rig import rig_lines
 from fidim_lab.app.tui.screens.session import CURRENT, session_lines
-from fidim_lab.app.tui.screens.why import why_lines
+from fidim_lab.app.tui.screens.why import check_lines, why_lines
 from fidim_lab.app.tui.screens.window import window_lines
 from fidim_lab.app.tui.view import ScreenState, Trace
 from fidim_lab.app.tui.widgets.board import Board

@@ -6,11 +6,19 @@ about a robot, a rig, a journal or a result. A kind that is not in the table kee
 
 import json
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
 
-from fidim_lab.data.files.input_file import place_words
+from pydantic import ConfigDict, ValidationError
+
+from fidim_lab.data.files.input_file import JSON_LIMIT, place_words, read_json
+from fidim_lab.errors import FileError
 from fidim_lab.say import counted
+
+T = TypeVar("T")
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""for a dataclass that a file holds as it is: its `__pydantic_config__`"""
 
 _WANTED = {
     "float": "a number",
@@ -165,3 +173,16 @@ def _number(value: Any) -> str:
 
 def _short(text: str) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
+
+
+def read_json_as(path: Path, validate: Callable[[Any], T], limit: int = JSON_LIMIT) -> T:
+    """A JSON file as `validate` makes it (`Model.model_validate`). Raises FileError with the key that is wrong."""
+    return validated_json(path, read_json(path, limit), validate)
+
+
+def validated_json(path: Path, found: Any, validate: Callable[[Any], T]) -> T:
+    """What was read of a file as `validate` makes it. Raises FileError with the key that is wrong."""
+    try:
+        return validate(found)
+    except ValidationError as error:
+        raise FileError(path, *first_mistake(error.errors(include_url=False), found)) from None

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear
+from fidim_lab.effects.dissipation.drag import AirDragLinear
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
 from fidim_lab.effects.loads.constant_force import SHARE_OF_WEIGHT, ConstantForce
 from fidim_lab.effects.plausibility import Context, Limit

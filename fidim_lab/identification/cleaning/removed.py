@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from fidim_lab.arrays import Series, runs
-from fidim_lab.data.files.json_file import STRICT
+from fidim_lab.data.files.mistakes import STRICT
 from fidim_lab.data.records import Campaign, Window
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design import cost
-from fidim_lab.identification.design.cost import Cost
+from fidim_lab.identification.design.information import Cost
 from fidim_lab.identification.design.limits import LimitExcess, linearised
 from fidim_lab.identification.design.motions import Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask

@@ -9,7 +9,7 @@ since every real platform has some. What the recordings leave open, CAD says.
 import numpy as np
 
 from fidim_lab.data.records import Body, Campaign
-from fidim_lab.effects.dissipation.rotational_drag import RotationalDrag
+from fidim_lab.effects.dissipation.drag import RotationalDrag
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.excitation.bodies import OFF, Bodies, sizes
 from fidim_lab.identification.mle.fit import fit

@@ -20,8 +20,7 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Body, Role
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
-from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction
-from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
+from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction, SwivelDamping, SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.joint.found import JointFit

@@ -12,10 +12,9 @@ from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.joint.members import JointMember, Layout
 from fidim_lab.identification.joint.search import JointOptimum
 from fidim_lab.identification.mle import spread
-from fidim_lab.identification.mle.evidence import ODDS
+from fidim_lab.identification.mle.evidence import ODDS, Linearised
 from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.mle.trajectories.normal import Prior, reduced
 from fidim_lab.model.sensitivity.equations import BODY
 

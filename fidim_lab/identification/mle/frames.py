@@ -14,7 +14,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
-from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
+from fidim_lab.effects.geometry.frames import FrameMisalignment
 from fidim_lab.identification.motion import rigid
 from fidim_lab.model.geometry import rotation_from_gibbs
 

@@ -23,9 +23,9 @@ from jaxtyping import Float
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
 from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
-from fidim_lab.effects.dissipation.rotational_drag import RotationalDragPerAxis
+from fidim_lab.effects.dissipation.drag import RotationalDragPerAxis
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
+from fidim_lab.effects.geometry.cable_geometry import CableLengthBias
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.calibration.stretch import ElasticStretch, seen_stretch

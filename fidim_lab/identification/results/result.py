@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
-from fidim_lab.data.files.json_file import STRICT
+from fidim_lab.data.files.mistakes import STRICT
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.equations.estimators import Method

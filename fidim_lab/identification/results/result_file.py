@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.errors import FileError
 from fidim_lab.identification.cleaning.removed import Removed

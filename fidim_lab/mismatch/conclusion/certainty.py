@@ -9,8 +9,8 @@ odds alone would make it certain (`fidim benchmark explain --without each`).
 from dataclasses import replace
 from itertools import combinations
 
+from fidim_lab.effects.effect import HandContact
 from fidim_lab.effects.equivalences import holds_others, shared_by
-from fidim_lab.effects.without_term import HandContact
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 

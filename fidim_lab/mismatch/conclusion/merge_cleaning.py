@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from fidim_lab.effects.without_term import HandContact
+from fidim_lab.effects.effect import HandContact
 from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact

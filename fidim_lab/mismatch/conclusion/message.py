@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign
+from fidim_lab.effects.effect import UnknownEffect
 from fidim_lab.effects.equivalences import EQUIVALENCES
-from fidim_lab.effects.without_term import UnknownEffect
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.trajectories.stages import HORIZONS
 from fidim_lab.mismatch.conclusion.classes import alike, general_geometry_may_be_it, stands_alone

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from fidim_lab.effects.without_term import UnknownEffect
+from fidim_lab.effects.effect import UnknownEffect
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.selection.candidates import Candidate

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.effects.dissipation.swivel_friction import STILL, SwivelFrictionGivingWay
+from fidim_lab.effects.dissipation.pulley_friction import STILL, SwivelFrictionGivingWay
 from fidim_lab.effects.wrenches import joint_rate, joint_torque
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.model.batch import from_rows, function, over_samples, rows

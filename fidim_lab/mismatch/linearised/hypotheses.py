@@ -14,7 +14,7 @@ from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.effects.catalogue import catalogue
-from fidim_lab.effects.dissipation.swivel_friction import SwivelFrictionGivingWay
+from fidim_lab.effects.dissipation.pulley_friction import SwivelFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.errors import SetupError

@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.identification.mle.evidence import FACTORS, ODDS, over_factors
-from fidim_lab.identification.mle.linearised import Linearised
+from fidim_lab.identification.mle.evidence import FACTORS, ODDS, Linearised, over_factors
 from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.fitting.refit import prior_of

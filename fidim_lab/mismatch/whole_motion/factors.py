@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fidim_lab.identification.mle.evidence import FACTORS, SPREAD_OF_FACTORS
-from fidim_lab.identification.mle.linearised import Linearised
+from fidim_lab.identification.mle.evidence import FACTORS, SPREAD_OF_FACTORS, Linearised
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, Nuisance
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.models import WholeModel

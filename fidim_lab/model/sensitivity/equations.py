@@ -10,9 +10,17 @@ E: the twist and the E states that effects have of their own), constants ([unstr
 Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy and compliance. Stretch is of first order
 (`motion.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
 (frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
-is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`model.motion.elastic`): all exact, more
+is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`spring_tensions`): all exact, more
 freedoms, nodes as near to each other as the stiffest cable asks for, or quiet ones (`stiff`). What cameras see
 is `measurement`'s.
+
+Tensions of cables that are springs, from their stretch (spec/model.md §6).
+
+    stretch = l − l₀ − drift,   τ = stretch/κ + c · d stretch/dt
+
+κ is the effects' compliance, c their damping. Wrong where κ is 0, and stiff where it is small: there the first-order
+stretch of rigid cables is right. The lengths l₀ of the unstretched cables are parameters of a window here, while the
+rigid model has them in its initial pose alone.
 """
 
 from collections.abc import Sequence
@@ -24,7 +32,7 @@ from fidim_lab.errors import OurBugError
 from fidim_lab.model.batch import from_rows, function, rows
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.motion.elastic import compliant_cables, spring_tensions
+from fidim_lab.model.motion.contributions import stretch_dampings
 from fidim_lab.model.motion.equations import MotionEquations, Solver, Symbols, motion_equations, saddle
 from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.elimination import Elimination
@@ -225,3 +233,20 @@ def _by_directions(symbols: Symbols, jacobian: ca.SX) -> ca.SX:
 def _shortened(sample: Sample, outputs: list[ca.SX]) -> list[ca.SX]:
     """Common parts of the long expressions of stretch computed once."""
     return ca.cse(outputs) if sample.first_order or sample.sprung else outputs
+
+
+def compliant_cables(equations: MotionEquations) -> list[int]:
+    """Indices (0-based) of the cables that effects stretch."""
+    return [k for k in range(equations.structure.size1()) if not equations.compliance[k].is_zero()]
+
+
+def spring_tensions(mechanism: Mechanism, equations: MotionEquations, lengths: ca.SX) -> ca.SX:
+    """Tensions, N/kg, of the compliant cables alone, whose unstretched `lengths` (as many, m) are given."""
+    compliant = compliant_cables(equations)
+    if not compliant:
+        return ca.SX(0, 1)
+    stretch = (equations.lengths - equations.drifts)[compliant] - lengths
+    drift_rates = ca.jtimes(equations.drifts, equations.symbols.time, ca.SX(1))
+    rate = (equations.structure @ equations.symbols.twist - drift_rates)[compliant]
+    dampings = stretch_dampings(mechanism, equations.state.cables, equations.symbols.theta)
+    return stretch / equations.compliance[compliant] + ca.vertcat(*(dampings[k] for k in compliant)) * rate

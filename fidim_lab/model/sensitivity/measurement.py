@@ -1,6 +1,6 @@
 """What the cameras make of moving markers, with derivatives: the slots marker, stalk, true_time and seen of effects.
 
-A marker that is elsewhere moves all its nodes; one on a stalk swings on it (`stalks`); a frame stamped t shows the
+A marker that is elsewhere moves all its nodes; one on a stalk swings on it (`markers`); a frame stamped t shows the
 motion at its true time; what is seen there may be turned, shifted or displaced. `MarkerMeasurement.of` says what a
 mechanism's effects do at one θ; without such effects it only interpolates. Times count from a recording's first sample:
 an offset common to all of them is a gauge of free motion, which the window's start takes up, so `time-offset` has no
@@ -20,9 +20,8 @@ from fidim_lab.model.motion.contributions import extra_count, marker_at, seen_at
 from fidim_lab.model.motion.equations import Symbols
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories
-from fidim_lab.model.sensitivity.markers import at_nodes, between, hermite
+from fidim_lab.model.sensitivity.markers import at_nodes, between, hermite, swung, swung_by
 from fidim_lab.model.sensitivity.sampling import AXES
-from fidim_lab.model.sensitivity.stalks import swung, swung_by
 from fidim_lab.model.slots import Effect, PlatformState
 
 SLOTS = ("marker", "stalk", "seen", "true_time")

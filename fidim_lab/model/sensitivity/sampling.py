@@ -1,16 +1,23 @@
-"""One of the trajectories at times of one's own choice, as a `Motion`."""
+"""One of the trajectories at times of one's own choice, as a `Motion`.
 
+Cable lengths of platforms at rest with their derivatives by the pose alone: for searches among thousands of poses.
+
+What `starts` gives beside (free twists, derivatives by everything that is shared) would cost ten times as much.
+"""
+
+import casadi as ca
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Motion
-from fidim_lab.model.batch import over_samples
+from fidim_lab.model.batch import from_rows, function, over_samples, rows
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
-from fidim_lab.model.sensitivity.equations import slopes
-from fidim_lab.model.sensitivity.integrate import Trajectories
+from fidim_lab.model.sensitivity.equations import slopes, sprung
+from fidim_lab.model.sensitivity.integrate import States, Trajectories
+from fidim_lab.model.sensitivity.starts import compiled_starts, quiet_springs
 
 AXES = np.vstack([np.zeros(3), np.eye(3)])
 """origin and tips of the body's axes, as markers: quintic polynomials of these give pose and rotation"""
@@ -48,3 +55,32 @@ def _cubic(trajectories: Trajectories, window: int, index: np.ndarray, times: Se
     s = (times - nodes[index])[:, np.newaxis] / h
     begin = (1 - s) ** 2 * ((1 + 2 * s) * v[index] + s * h * a[index])
     return begin + s**2 * ((3 - 2 * s) * v[index + 1] - (1 - s) * h * a[index + 1])
+
+
+def lengths_at_rest(
+    mechanism: Mechanism,
+    shared: Float[np.ndarray, " shared"],
+    positions: Float[np.ndarray, "K 3"],
+    rotations: Float[np.ndarray, "K 3 3"],
+    begins: Float[np.ndarray, " K"],
+) -> tuple[Float[np.ndarray, "K n"], Float[np.ndarray, "K n 6"]]:
+    """Lengths as `Starts.lengths` has them (m), and their derivatives by [δp; δφ]; NaN at singular poses.
+
+    begins: s on each window's own clock. Springs are as quiet as they can be (`quiet_springs`).
+    """
+    compiled = mechanism.compiled("sensitivity: lengths", _compile)
+    count = len(positions)
+    still, springs, astray = (np.zeros((count, compiled.numel_in(k))) for k in (3, 5, 6))
+    if sprung(mechanism):
+        springs = quiet_springs(mechanism, shared, States(positions, rotations, still), begins).tensions
+    given = (begins[:, np.newaxis], positions, rotations, still, shared, springs, astray)
+    lengths, by_pose = over_samples(compiled, count, *given)
+    return lengths, by_pose.reshape(count, mechanism.n, 6)
+
+
+def _compile(mechanism: Mechanism) -> ca.Function:
+    starts = compiled_starts(mechanism)
+    inputs = starts.sx_in()
+    lengths, by = starts.call(inputs)[:2]
+    by_pose = from_rows(by, mechanism.n, by.numel() // mechanism.n)[:, :6]
+    return function("lengths_at_rest", inputs, [lengths, rows(by_pose)])

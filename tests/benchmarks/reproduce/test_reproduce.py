@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks.reproduce import simulated, tables
+from benchmarks.reproduce import paper, simulated, tables
 from benchmarks.reproduce.command import papers_robot
 from benchmarks.reproduce.file import to_json
 from benchmarks.reproduce.simulated import IdentifiedRun, OptimisedWindow, Places, Reproduction
 from benchmarks.reproduce.words import sentences
 from fidim_lab.app import cli
-from fidim_lab.data import paper
 
 
 @pytest.fixture(scope="module")

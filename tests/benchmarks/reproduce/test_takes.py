@@ -8,6 +8,7 @@ import pytest
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
+from benchmarks.reproduce import paper
 from benchmarks.reproduce.processed import Processed, motion_of, read_bodies, read_processed
 from benchmarks.reproduce.takes import (
     by_free_coordinates,
@@ -15,7 +16,6 @@ from benchmarks.reproduce.takes import (
     cross_validated,
     difference_percent,
 )
-from fidim_lab.data import paper
 from fidim_lab.data.importers.grab import FITTED, VALIDATED, read_grab
 from fidim_lab.data.records import Body, Robot
 from fidim_lab.model.equilibria import equilibrium_at

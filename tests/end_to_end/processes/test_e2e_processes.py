@@ -16,8 +16,7 @@ from pathlib import Path
 import pytest
 
 from drivers.canbus.candump import read_candump
-from fidim_lab.app.formats.manifest import read_manifest
-from fidim_lab.app.formats.verification import verify
+from fidim_lab.app.formats.manifest import read_manifest, verify
 from fidim_lab.data.campaign import read_campaign
 from procedures.recording.journal import LineKind, read_journal
 

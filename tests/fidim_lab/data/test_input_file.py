@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from fidim_lab.data.files.input_file import DEEPEST, open_input, read_bytes, read_json, read_text
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.files.toml_file import read_toml_table
 from fidim_lab.errors import FileError
 

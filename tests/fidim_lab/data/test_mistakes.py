@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 

@@ -14,7 +14,7 @@ from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.records import Pose, Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
+from fidim_lab.effects.geometry.markers import MarkerStalk
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import consistent_twist, simulate_free_motion
 from fidim_lab.model.motion.contributions import seen_compliances_at

@@ -11,7 +11,7 @@ import pytest
 from docs.tools.effects import page
 from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.effects.equivalences import EQUIVALENCES
-from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
+from fidim_lab.effects.geometry.cable_geometry import PulleyRadius
 from fidim_lab.errors import SetupError
 
 IDS = [  # spec/model.md §5, in its order

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.identification.elastic_motion import simulate_elastic_motion
-from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
-from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear
-from fidim_lab.effects.geometry.cable_creep import CableCreep
+from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness, WinchHoldCompliance
+from fidim_lab.effects.dissipation.drag import AirDragLinear
+from fidim_lab.effects.geometry.cable_geometry import CableCreep
 from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.errors import InfeasibleError, OurBugError, SetupError

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.cables.damped_springs import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear
+from fidim_lab.effects.cables.cable_elasticity import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
+from fidim_lab.effects.dissipation.drag import AirDragLinear
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.model.mechanism import Mechanism

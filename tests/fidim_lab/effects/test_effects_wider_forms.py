@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.dissipation.drag import AirDragLinear, AirDragQuadratic
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.effects.loads.umbilical import Umbilical

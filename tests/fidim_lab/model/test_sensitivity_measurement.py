@@ -7,10 +7,9 @@ import pytest
 
 from fidim_lab.data.records import Robot, Role
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.geometry.clock import ClockRate
-from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
-from fidim_lab.effects.geometry.marker_offset import MarkerOffset
-from fidim_lab.effects.loads.frame_sway import FrameSwayOwnPhase
+from fidim_lab.effects.geometry.frames import ClockRate, FrameMisalignment
+from fidim_lab.effects.geometry.markers import MarkerOffset
+from fidim_lab.effects.loads.oscillation import FrameSwayOwnPhase
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import linearised, simulate, stepped
 from fidim_lab.identification.random_plan import random_plan

@@ -10,8 +10,7 @@ from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Robot
 from fidim_lab.effects.catalogue import by_id
-from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.without_term import HandContact
+from fidim_lab.effects.effect import HandContact, NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable, read_result

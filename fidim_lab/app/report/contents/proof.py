@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.found_model import Model, body_vector, found_model
 from fidim_lab.data.records import Campaign, Role, Window
-from fidim_lab.effects.without_term import HandContact
+from fidim_lab.effects.effect import HandContact
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.judge import Remainder

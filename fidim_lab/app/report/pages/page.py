@@ -1,28 +1,41 @@
 """Puts a report together: `make_page` from what a folder holds and what was identified; `html.render` sets it."""
 
+import csv
+import io
+from contextlib import suppress
 from dataclasses import dataclass
 
+from fidim_lab.app.formats.body_text import python_snippet, toml, urdf
 from fidim_lab.app.report.contents.folder import Contents
 from fidim_lab.app.report.drawings import figures
-from fidim_lab.app.report.drawings.correlations import correlations
 from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.figures import correlations
 from fidim_lab.app.report.drawings.scene import scene, views
 from fidim_lab.app.report.drawings.solid import Solid, solid
 from fidim_lab.app.report.drawings.svg import points_for
 from fidim_lab.app.report.sections import tables, words
-from fidim_lab.app.report.sections.copies import Copy, copies
 from fidim_lab.app.report.sections.explained import ExplanationSection
 from fidim_lab.app.report.sections.numerals import duration, short
 from fidim_lab.app.report.sections.paper import is_papers_robot
 from fidim_lab.app.report.sections.tables import MARKS, ReportTable
 from fidim_lab.app.report.sections.windows import WindowSection, section
 from fidim_lab.data.records import Body
+from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result_file import ResultTable
 from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.model.mechanism import Mechanism
 
 KINDS = ("moving", "settling", "checks", "hand", "recording")
 """what the timeline tells apart"""
+
+
+@dataclass(frozen=True)
+class Copy:
+    """One text."""
+
+    name: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -207,3 +220,28 @@ def _origin(contents: Contents, result: IdentificationResult | None) -> tuple[tu
         facts.append(("C of the equations (Eq. 40)", short(result.C)))
         facts.append(("rms of the equations, divided by that of marker noise", short(result.noise_ratio)))
     return tuple(facts)
+
+
+def copies(result: IdentificationResult, mass: float) -> tuple[Copy, ...]:
+    """The result in each form. mass (kg): the robot file's, for URDF, which is left out for an impossible body."""
+    table = ResultTable.model_validate(result.to_json())
+    texts = [
+        Copy("TOML: value, sd and CAD of each parameter, SI, about P, per unit mass", toml(table, None)),
+        Copy("CSV: the same, one row per parameter", _csv(result)),
+        Copy("Python", python_snippet(table, None)),
+    ]
+    with suppress(InfeasibleError):
+        texts.append(Copy(f"URDF inertial, about G, with the robot file's mass of {mass:g} kg", urdf(table, mass)))
+    return tuple(texts)
+
+
+def _csv(result: IdentificationResult) -> str:
+    buffer = io.StringIO()
+    out = csv.writer(buffer, lineterminator="\n")
+    out.writerow(["parameter", "value", "sd", "spread", "nominal", "unit"])
+    for name, parameter in result.parameters.items():
+        spread = "" if parameter.spread is None else repr(float(parameter.spread))
+        values = [repr(float(x)) for x in (parameter.value, parameter.sd)]
+        unit = "m" if name.startswith("s_") else "m^2"
+        out.writerow([name, *values, spread, repr(float(parameter.nominal)), unit])
+    return buffer.getvalue()

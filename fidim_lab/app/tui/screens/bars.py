@@ -1,12 +1,17 @@
 """What is on every screen: the state, alarms, the tabs, an open prompt, the keys. All can be clicked, too."""
 
 import re
+import string
 from collections.abc import Sequence
 
-from fidim_lab.app.tui.keys import choice_keys
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, fitted, left, line, wrapped
 from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
+
+RESERVED = "tgrpkoxqie"
+"""letters that command, on every screen (see `app`)"""
+SETTLE = 0.3
+"""s for which a new prompt takes no key: one that was pressed for what was there before answers nothing"""
 
 TABS = ("Session", "Rig", "Window", "Result", "Why", "Log", "Plot")
 KEYS = (
@@ -211,3 +216,15 @@ def _alarm(title: str, width: int, *says: str, alarm: Style = "alarm") -> list[L
         shown = [first, *more] if len(more) < MOST_ROWS else [first, left(f"{more[0]} {more[1]}", width)]
         rows += [line(Span(row, "bad" if alarm == "alarm" else "warn")) for row in shown if row]
     return [row for row in rows if row is not EMPTY]
+
+
+def choice_keys(choices: Sequence[str]) -> dict[str, str]:
+    """Key → choice: the choice's first free letter, or else any free letter."""
+    taken: dict[str, str] = {}
+    for choice in choices:
+        letters = [*choice.lower(), *string.ascii_lowercase]
+        free = (c for c in letters if c in string.ascii_lowercase and c not in RESERVED and c not in taken)
+        key = next(free, None)
+        if key is not None:
+            taken[key] = choice
+    return taken

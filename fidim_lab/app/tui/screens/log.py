@@ -2,7 +2,7 @@
 
 from fidim_lab.app.service.messages import Happening
 from fidim_lab.app.tui.paint import Line, Span, Style, left, line, wrapped
-from fidim_lab.app.tui.screens.check import KIND, check_mark, check_style
+from fidim_lab.app.tui.screens.why import KIND, check_mark, check_style
 from fidim_lab.app.tui.view import ScreenState
 
 STYLES: dict[str, Style] = {

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from fidim_lab.app.service.messages import EquilibriumState, Status
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
-from fidim_lab.app.tui.screens.check import newest_check
 from fidim_lab.app.tui.screens.hand import hand_lines
+from fidim_lab.app.tui.screens.why import newest_check
 from fidim_lab.app.tui.view import ScreenState
 from fidim_lab.units import millimetres
 

@@ -1,11 +1,22 @@
-"""Why: what the model leaves out, as `fidim explain` found it: where, what, the ranking, before and after."""
+"""Why: what the model leaves out, as `fidim explain` found it: where, what, the ranking, before and after.
+
+`check_lines`: what the service's look at the model after each window has said, for Session, too.
+"""
 
 from collections.abc import Sequence
 
 from fidim_lab.app.formats.explanation_parts import EffectTable
+from fidim_lab.app.service.messages import Happening
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
 from fidim_lab.app.tui.result_files import ResultFiles, ShownExplanation
 from fidim_lab.mismatch.conclusion.parts import Before
+
+KIND = "model-checked"
+HOLDS = "holds"
+NEWEST = 3
+"""looks that Why shows"""
+SHORT = 2
+"""lines of the newest on Session"""
 
 VERDICTS: dict[str, tuple[str, Style]] = {
     "nothing-missing": ("✓ nothing is missing", "good"),
@@ -83,3 +94,47 @@ def _ranking(found: ShownExplanation, width: int) -> list[Line]:
         rest = max(width - len(begin) - 7, 0)
         rows.append(line(begin, mark, Span(f"  {left(tried.told, rest).rstrip()}" if rest > 8 else "", "dim")))
     return rows
+
+
+def checks(events: Sequence[Happening]) -> tuple[Happening, ...]:
+    """All looks, oldest first."""
+    return tuple(event for event in events if event.kind == KIND)
+
+
+def newest_check(events: Sequence[Happening], width: int) -> list[Line]:
+    """Two lines at most: what is suspected, or that the model holds; nothing before the first look."""
+    found = checks(events)
+    if not found:
+        return []
+    rows = _said(found[-1], width)
+    if len(rows) <= SHORT:
+        return rows
+    *shown, (last,) = rows[:SHORT]
+    return [*shown, line(Span(left(f"{last.text} …", width).rstrip(), last.style))]
+
+
+def check_lines(events: Sequence[Happening], width: int) -> list[Line]:
+    """The newest looks in full, with a heading."""
+    found = checks(events)[-NEWEST:]
+    if not found:
+        return []
+    return [line(Span("After each window", "head")), *(row for one in reversed(found) for row in _said(one, width))]
+
+
+def check_style(event: Happening) -> Style:
+    """A doubt is orange; what only tells that there is no answer yet is faint."""
+    if event.outcome == HOLDS:
+        return ""
+    return "warn" if event.outcome else "dim"
+
+
+def check_mark(event: Happening) -> str:
+    """Before a doubt."""
+    return "! " if check_style(event) == "warn" else ""
+
+
+def _said(event: Happening, width: int) -> list[Line]:
+    style = check_style(event)
+    begin = f"{event.window}: " if event.window else ""
+    mark = f"{check_mark(event)}model "
+    return [line(Span(text, style)) for text in wrapped(f"{mark}{begin}{event.text}", width)]

@@ -14,8 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, RefusedError
-from fidim_lab.identification.mle.starts.start_poses import Poses, Targets, at_rest, refined, skew
-from fidim_lab.identification.mle.starts.unread import Unread, poses_from_rests, rest_near
+from fidim_lab.identification.mle.starts.start_poses import (
+    Poses,
+    Targets,
+    Unread,
+    at_rest,
+    poses_from_rests,
+    refined,
+    rest_near,
+    skew,
+)
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.motion import rigid
 from fidim_lab.model.equilibria import pose_from_lengths

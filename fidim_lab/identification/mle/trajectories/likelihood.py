@@ -22,8 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body
 from fidim_lab.identification.equations.consistency import can_move
-from fidim_lab.identification.mle.trajectories.batches import body_markers, in_batches, rows_of
-from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, body_markers, in_batches, rows_of
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, sprung

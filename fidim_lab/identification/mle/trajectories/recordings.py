@@ -3,7 +3,7 @@
 Any sampling and any gaps: a missing coordinate gives no residual, nothing is interpolated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,16 @@ from jaxtyping import Bool, Float
 from fidim_lab.arrays import PerCable, Series
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.model.sensitivity.grid import Grid, Resolution
+from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
+from fidim_lab.model.side_by_side import cores
+
+BATCH = 12
+"""windows integrated together, if they have one or two markers; fewer with more"""
+NODES = 3000
+"""of all of these together, if they are more than one: what long ones need stays in a core's cache"""
+LONG = 30.0
+"""s of all recordings together, from which they are shared out among the cores"""
 
 SHORTEST = 0.3
 """s; less does not show an initial velocity"""
@@ -124,3 +134,33 @@ def _refuse_far(window: Window, robot: Robot) -> None:
             f"{size:.2g} m large.",
             hint="Check units (metres are expected) and frame of the motion capture.",
         )
+
+
+def in_batches(
+    recordings: Sequence[FollowedSamples],
+    measurement: MarkerMeasurement,
+    ends: Float[np.ndarray, " W"],
+    resolution: Resolution,
+) -> Iterator[tuple[np.ndarray, Grid]]:
+    """Indices of recordings of similar length, each batch with a grid that reaches its longest end (s)."""
+    most = max(recording.markers.shape[1] for recording in recordings)
+    longest = Grid.covering(measurement.latest(float(ends.max())), resolution)
+    size = max(1, min(BATCH // max(1, most // 2), NODES // longest.nodes))
+    if float(ends.sum()) > LONG:
+        size = min(size, -(-len(ends) // cores()))
+    order = np.argsort(ends, kind="stable")
+    for first in range(0, len(order), size):
+        members = order[first : first + size]
+        yield members, Grid.covering(measurement.latest(float(ends[members].max())), resolution)
+
+
+def body_markers(
+    recordings: Sequence[FollowedSamples], robot: Robot, members: Sequence[int] | np.ndarray
+) -> Float[np.ndarray, "M 3"]:
+    """As many of the robot's markers (body frame, m) as the windows of a batch have at most."""
+    return robot.markers[: max(recordings[w].markers.shape[1] for w in members)]
+
+
+def rows_of(values: np.ndarray | None, members: np.ndarray) -> np.ndarray | None:
+    """Those rows of an array that may not be there."""
+    return None if values is None else values[members]

@@ -14,8 +14,7 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import Body
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, Simulation, simulate
-from fidim_lab.identification.mle.trajectories.near_body import NearBody
-from fidim_lab.identification.mle.trajectories.normal import Prior
+from fidim_lab.identification.mle.trajectories.normal import NearBody, Prior
 from fidim_lab.identification.mle.trajectories.optimise import (
     ASTRAY,
     FINAL,

@@ -13,8 +13,7 @@ from fidim_lab.app import cli
 from fidim_lab.app.analysis.identified import next_command, summary
 from fidim_lab.app.analysis.identify import identify_command
 from fidim_lab.app.records.import_recording import run_import
-from fidim_lab.app.workflows.identify import closing_sentence, identify_posed, run_identify
-from fidim_lab.app.workflows.pose_from import PosedCampaign, read_posed
+from fidim_lab.app.workflows.identify import PosedCampaign, closing_sentence, identify_posed, read_posed, run_identify
 from fidim_lab.data.records import Campaign, Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.equations.estimators import Method

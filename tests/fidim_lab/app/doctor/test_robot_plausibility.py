@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import cli
-from fidim_lab.app.doctor.finding import RobotFinding
+from fidim_lab.app.doctor.robot_findings import RobotFinding
 from fidim_lab.app.doctor.robot_plausibility import middle_rests, plausibility
 from fidim_lab.app.doctor.robot_text import robot_views
 from fidim_lab.app.report.drawings.robot_picture import robot_picture

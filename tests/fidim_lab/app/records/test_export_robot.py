@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.cli import run
-from fidim_lab.app.compose.multibody_replay import replay_rms
+from fidim_lab.app.compose.multibody import replay_rms
 from fidim_lab.app.records.export_robot import robot_mjcf, robot_model, start_of
 from fidim_lab.app.records.mjcf_effects import TERMS
 from fidim_lab.app.report.contents.found_model import Model
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Motion
-from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
+from fidim_lab.effects.cables.cable_mass import SwivelInertia
 from fidim_lab.effects.catalogue import by_id
-from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
-from fidim_lab.effects.dissipation.rotational_drag import (
+from fidim_lab.effects.dissipation.drag import (
+    AirDragLinear,
+    AirDragQuadratic,
     RotationalDrag,
     RotationalDragPerAxis,
     RotationalDragQuadratic,
 )
-from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
+from fidim_lab.effects.dissipation.pulley_friction import SwivelDamping, SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.loads.body_force import BodyForce
-from fidim_lab.effects.loads.constant_force import ConstantForce
+from fidim_lab.effects.loads.constant_force import BodyForce, ConstantForce
 from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare

@@ -25,8 +25,8 @@ from fidim_lab.app.formats.devices_file import (
     read_devices,
     write_devices,
 )
-from fidim_lab.app.formats.verification import verify
-from fidim_lab.app.records.replay_windows import Expected
+from fidim_lab.app.formats.manifest import verify
+from fidim_lab.app.records.replay import Expected
 
 
 @pytest.fixture(scope="module")

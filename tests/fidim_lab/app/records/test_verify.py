@@ -5,9 +5,8 @@ import json
 import pytest
 
 from fidim_lab.app.cli import run
-from fidim_lab.app.formats import verification as module
-from fidim_lab.app.formats.manifest import MANIFEST, read_manifest, write_manifest
-from fidim_lab.app.formats.verification import verify
+from fidim_lab.app.formats import manifest as module
+from fidim_lab.app.formats.manifest import MANIFEST, read_manifest, verify, write_manifest
 from fidim_lab.errors import FileError
 
 

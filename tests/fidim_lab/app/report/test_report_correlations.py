@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fidim_lab.app.report.drawings.correlations import correlations
+from fidim_lab.app.report.drawings.figures import correlations
 
 
 def test_cells_and_the_strongest_pair_in_words(campaign, result_of):

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.formats.manifest import write_manifest
-from fidim_lab.app.report.contents.folder import Drives
-from fidim_lab.app.report.contents.provenance import provenance
+from fidim_lab.app.report.contents.folder import Drives, provenance
 from fidim_lab.app.report.contents.story import Incident
 from fidim_lab.app.report.drawings.drawing import Drawing, write_pictures
 from fidim_lab.app.report.drawings.figures import ParameterRow
 from fidim_lab.app.report.drawings.scene import scene, slanted, views
-from fidim_lab.app.report.sections.copies import copies
+from fidim_lab.app.report.pages.page import copies
 from fidim_lab.app.report.sections.incidents import incident_rows
 from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, interval, size
 from fidim_lab.app.report.sections.paper import is_papers_robot

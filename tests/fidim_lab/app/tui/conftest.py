@@ -41,8 +41,7 @@ from fidim_lab.app.service.messages import (
 from fidim_lab.app.service.process.hub import Hub
 from fidim_lab.app.service.process.session import ServerSession
 from fidim_lab.app.tui.app import FidimUi
-from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.tui.link import Link
+from fidim_lab.app.tui.link import Finder, Link
 
 CODE = "7319"
 

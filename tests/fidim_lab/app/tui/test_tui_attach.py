@@ -16,7 +16,7 @@ from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.session.dry_run_plan import DryRunOptions
 from fidim_lab.app.session.ui import finder_for
 from fidim_lab.app.session.ui_dry_run import make_spec, rig_table, with_winches
-from fidim_lab.app.tui.find import Finder
+from fidim_lab.app.tui.link import Finder
 from fidim_lab.app.tui.web import TokenServer, command_line, serve
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.robot_file import write_robot

@@ -8,10 +8,9 @@ from fidim_lab.app.service.messages import Happening, Question
 from fidim_lab.app.tui.paint import text_of
 from fidim_lab.app.tui.result_files import ResultFiles
 from fidim_lab.app.tui.screens.bars import KEYS, key_lines, prompt_lines, tab_lines
-from fidim_lab.app.tui.screens.check import check_lines, newest_check
 from fidim_lab.app.tui.screens.hand import ROWS, SHAPES, big, hand_lines
 from fidim_lab.app.tui.screens.log import log_lines
-from fidim_lab.app.tui.screens.why import why_lines
+from fidim_lab.app.tui.screens.why import check_lines, newest_check, why_lines
 from fidim_lab.app.tui.view import Connection, ScreenState
 
 ASKED = Question(

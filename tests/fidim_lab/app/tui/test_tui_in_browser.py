@@ -14,7 +14,7 @@ import pytest
 from drivers.clock import LoopClock
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.place import ServicePlace
-from fidim_lab.app.tui.keys import SETTLE
+from fidim_lab.app.tui.screens.bars import SETTLE
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 COMMAND = "from fidim_lab.app.cli import main; main()"

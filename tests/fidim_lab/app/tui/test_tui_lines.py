@@ -19,10 +19,9 @@ from fidim_lab.app.service.messages import (
     Welcome,
 )
 from fidim_lab.app.tui.foresight import Foreseen
-from fidim_lab.app.tui.keys import RESERVED, choice_keys
 from fidim_lab.app.tui.paint import bar, number, span_of_time, text_of, wrapped
 from fidim_lab.app.tui.result_files import ResultFiles, read_result_files
-from fidim_lab.app.tui.screens.bars import prompt_lines, state_lines
+from fidim_lab.app.tui.screens.bars import RESERVED, choice_keys, prompt_lines, state_lines
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.result import result_lines
 from fidim_lab.app.tui.screens.rig import rig_lines, tension_bar

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fidim_lab.app.service.messages import EquilibriumState, Happening
-from fidim_lab.app.tui.help import help_lines
+from fidim_lab.app.tui.main_screen import help_lines
 from fidim_lab.app.tui.paint import text_of
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.log import log_lines

@@ -12,8 +12,7 @@ from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import Happening
 from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.app.tui.app import FidimUi
-from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.tui.link import Link
+from fidim_lab.app.tui.link import Finder, Link
 from fidim_lab.app.tui.screens.bars import TABS
 
 ESCAPES = "\x1b]0;OWNED\x07\x1b[2J\x9b31m[/nope][bold red]x[/][@click=app.bell]y[/]\u202egnp\u200b\n\r\bFAKE"

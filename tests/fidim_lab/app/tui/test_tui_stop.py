@@ -16,8 +16,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app.service.commands import AnswerPrompt
 from fidim_lab.app.session.ui import run_ui
 from fidim_lab.app.tui.app import FidimUi
-from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.tui.link import Link
+from fidim_lab.app.tui.link import Finder, Link
 from fidim_lab.app.tui.screens.bars import TABS
 from fidim_lab.errors import OurBugError
 

@@ -7,8 +7,8 @@ import pytest
 
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design import pool
+from fidim_lab.identification.design.search import Some, reached, within_reach
 from fidim_lab.identification.design.task import ByWinches
-from fidim_lab.identification.design.within_reach import Some, reached, within_reach
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import ExcitationPlace, WinchLimits, wanted_amplitudes

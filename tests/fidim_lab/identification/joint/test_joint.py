@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Survey
-from fidim_lab.effects.dissipation.swivel_friction import SwivelFriction
+from fidim_lab.effects.dissipation.pulley_friction import SwivelFriction
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.joint.cross import of_pose
 from fidim_lab.identification.joint.fit import alone, fit_jointly, fit_some

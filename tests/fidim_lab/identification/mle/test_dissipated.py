@@ -8,10 +8,10 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
-from fidim_lab.effects.dissipation.rotational_drag import RotationalDrag
+from fidim_lab.effects.dissipation.drag import RotationalDrag
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
-from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
+from fidim_lab.effects.geometry.cable_geometry import AnchorOffset
+from fidim_lab.effects.geometry.frames import GravityTilt
 from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.findings import outcome

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fidim_lab.identification.mle.linearised import Linearised
+from fidim_lab.identification.mle.evidence import Linearised
 from fidim_lab.model.sensitivity.equations import BODY
 
 ROWS, THETA = 60, 5

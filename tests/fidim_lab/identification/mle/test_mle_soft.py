@@ -9,8 +9,8 @@ from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
-from fidim_lab.effects.dissipation.rotational_drag import RotationalDragPerAxis
-from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
+from fidim_lab.effects.dissipation.drag import RotationalDragPerAxis
+from fidim_lab.effects.geometry.frames import FrameMisalignment
 from fidim_lab.identification.calibration.stretch import seen_stretch
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.frames import MarkerSet, free_frames

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.effects.catalogue import by_id
-from fidim_lab.effects.without_term import UnknownEffect
+from fidim_lab.effects.effect import UnknownEffect
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.conclusion.message import best_of_all
 from fidim_lab.mismatch.conclusion.verdict import judge

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot, Role
-from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
-from fidim_lab.effects.cables.damped_springs import DampedElasticity
-from fidim_lab.effects.loads.periodic_force import PeriodicForce
+from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness, DampedElasticity
+from fidim_lab.effects.loads.oscillation import PeriodicForce
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
 from fidim_lab.identification.mle.trajectories.normal import Prior

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot, Survey
-from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
+from fidim_lab.effects.geometry.cable_geometry import AnchorOffset
 from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline

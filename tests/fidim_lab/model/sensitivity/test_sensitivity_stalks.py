@@ -7,14 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fidim_lab.data.records import Role
-from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
+from fidim_lab.effects.geometry.markers import MarkerStalk
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, linearised, simulate, stepped
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, Grid
-from fidim_lab.model.sensitivity.stalks import swung, swung_by
+from fidim_lab.model.sensitivity.markers import swung, swung_by
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.effects.cables.cable_elasticity import CableStiffness
-from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.cables.cable_elasticity import CableStiffness, WinchHoldCompliance
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers

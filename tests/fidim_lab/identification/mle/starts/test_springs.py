@@ -8,8 +8,7 @@ import pytest
 from benchmarks.identification.elastic_motion import simulate_elastic_motion
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role, Window
-from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
-from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness, WinchHoldCompliance
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.starts.springs import with_springs

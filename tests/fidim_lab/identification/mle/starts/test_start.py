@@ -8,11 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Role, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.effects.cables.cable_elasticity import CableStiffness
-from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.cables.cable_elasticity import CableStiffness, WinchHoldCompliance
 from fidim_lab.identification.mle import fit as fit_module
 from fidim_lab.identification.mle.starts.start import first_guess
-from fidim_lab.identification.mle.starts.unread import rest_near
+from fidim_lab.identification.mle.starts.start_poses import rest_near
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.motion.rigid import register
 from fidim_lab.model.mechanism import Mechanism

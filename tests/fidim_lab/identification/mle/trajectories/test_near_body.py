@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body
 from fidim_lab.identification.equations.consistency import can_exist, pseudo_inertia
-from fidim_lab.identification.mle.trajectories.near_body import FACTOR, NearBody
+from fidim_lab.identification.mle.trajectories.normal import FACTOR, NearBody
 
 PLATE = Body(com=np.array([0.0, 0.01, -0.1]), inertia=np.array([0.05, 0.06, 0.07, 0.0, 0.0, 0.0]))
 
