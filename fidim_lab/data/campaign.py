@@ -231,9 +231,12 @@ def _check_zeros(index: Path, entry: WindowTable, cables: int) -> None:
         raise FileError(index, where, what)
 
 
-def refuse_taken(out: Path) -> None:
-    """Raises SetupError where a campaign would be written over something: `out` is a file, or holds any."""
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+def refuse_taken(out: Path, replaceable: str = "") -> None:
+    """Raises SetupError where a campaign would be written over something: `out` is a file, or holds any.
+
+    replaceable: a file that does not count where it is alone, such as the reasons why an import found no window.
+    """
+    if out.exists() and (not out.is_dir() or any(path.name != replaceable for path in out.iterdir())):
         raise SetupError(f"{out} exists already; nothing in it was touched.", hint="Choose another --out.")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from fidim_lab.app.records.import_logs import match
 from fidim_lab.app.records.import_recording import import_command
-from fidim_lab.app.records.import_takes import import_takes_command
+from fidim_lab.app.records.import_takes import JOURNAL, import_takes_command
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import refuse_taken
 from fidim_lab.data.importers.c3d_file import read_c3d
@@ -81,7 +81,7 @@ def import_kind_command(
     if kind in MARKER_READERS or kind == MAPPED or kind in BAGS:
         if options.robot is None:
             raise SetupError(f"{kind} needs --robot.", hint="--robot names a robot file.")
-        refuse_taken(out)
+        refuse_taken(out, JOURNAL)
         return import_takes_command([read_files(kind, sources, options)], out, json_file)
     if options.robot is not None or options.logs or options.log_map is not None or options.asked != Asked():
         raise SetupError(
@@ -92,7 +92,7 @@ def import_kind_command(
         if len(sources) != 1:
             raise SetupError("grab reads one folder.")
         wanted = None if options.takes is None else take_numbers(options.takes)
-        refuse_taken(out)
+        refuse_taken(out, JOURNAL)
         return import_takes_command(read_grab(sources[0], lambda k: wanted is None or k in wanted), out, json_file)
     if options.takes is not None:
         raise SetupError("--takes can only be used with grab, and with kinds whose files are takes.")

@@ -264,7 +264,6 @@ def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
         lines += [f"  {head}{', '.join(ids)}: {words}" for words, ids in _merged(said)]
     end = f"Written to {folder} (import.json lists the decisions); next: fidim identify {folder}"
     if not windows:
-        end = f"No window was found, so there is no campaign. {folder / JOURNAL} lists the reasons; remove {folder} "
-        end += "before you repeat the command."
+        end = f"No window was found, so there is no campaign. {folder / JOURNAL} lists the reasons."
     for line in (*lines, end):
         console.out.print(line, highlight=False, markup=False)

@@ -267,3 +267,16 @@ def test_an_axis_that_the_lengths_contradict_is_told(swing: Swing, tmp_path: Pat
     told = json.loads((tmp_path / "out" / "import.json").read_text(encoding="utf-8"))["takes"][0]
     assert "the file says y upwards" in told["warnings"][0]
     assert "z upwards was taken" in told["warnings"][0]
+
+
+def test_an_import_without_a_window_may_be_repeated_into_the_same_folder(swing: Swing, tmp_path: Path):
+    still = Swing(
+        swing.robot, np.repeat(swing.p[:1], len(swing.p), axis=0), np.repeat(swing.R[:1], len(swing.R), axis=0)
+    )
+    code, said = imported(still, tmp_path, "qtm-tsv", qtm(still), [])
+    assert code != 0
+    assert "No window was found" in said
+    assert imported(swing, tmp_path, "qtm-tsv", qtm(swing), [])[0] == 0
+    code, said = imported(swing, tmp_path, "qtm-tsv", qtm(swing), [])
+    assert code != 0
+    assert "exists already" in said
