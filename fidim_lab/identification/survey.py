@@ -7,6 +7,7 @@ and every standard deviation counts what they do not. Combinations that no recor
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +27,8 @@ from fidim_lab.model.mechanism import Mechanism
 
 TYPICAL_ANCHOR, TYPICAL_ATTACHMENT = 1e-3, 0.5e-3
 """m: what a total station and a caliper reach on a cable robot; assumed where a robot file says nothing"""
+TYPICAL = MappingProxyType({"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTACHMENT})
+"""the same by the key of `[survey]`"""
 TYPICAL_MARKER = 1e-3
 """m: what a ruler reaches from a marker to the platform's frame; assumed where a robot file says nothing"""
 EXACT = 1e-9

@@ -135,12 +135,8 @@ def rigid_markers(campaign: Campaign, windows: list[tuple[Window, np.ndarray, np
         count = markers.shape[1]
         if count < 2 or len(markers) < DATA_CHECKS.redundancy_fewest:
             continue
-        first, second = np.triu_indices(count, 1)
-        body = campaign.robot.markers[:count]
-        nominal = np.linalg.norm(body[first] - body[second], axis=1)
-        apart = np.linalg.norm(markers[:, first] - markers[:, second], axis=2)
         rows.append(window)
-        found.append(float(np.mean((apart - nominal) ** 2)))
+        found.append(float(np.mean(rigid.distances_off(markers, campaign.robot.markers[:count]) ** 2)))
         expected.append(2 * float(np.mean(noise**2)))
     if not rows:
         return None

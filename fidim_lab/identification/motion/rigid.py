@@ -65,6 +65,15 @@ def register(
     return positions, rotations, rms
 
 
+def distances_off(
+    markers: Float[np.ndarray, "N M 3"], body_markers: Float[np.ndarray, "M 3"]
+) -> Float[np.ndarray, "N pairs"]:
+    """By how much the markers are farther apart than on the body, m; NaN where one of a pair is missing."""
+    first, second = np.triu_indices(len(body_markers), 1)
+    nominal = np.linalg.norm(body_markers[first] - body_markers[second], axis=1)
+    return np.linalg.norm(markers[:, first] - markers[:, second], axis=2) - nominal
+
+
 def mean_rotation(rotations: Rotations) -> Matrix3:
     """The rotation nearest to the mean of the matrices (chordal mean); NaN samples are left out."""
     whole = rotations[np.isfinite(rotations).all(axis=(1, 2))]

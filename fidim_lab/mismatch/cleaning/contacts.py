@@ -12,7 +12,6 @@ they are noise, as no physics leaves them that is at work there.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +21,7 @@ from fidim_lab.arrays import runs
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.cleaning.free_motion import parts
 from fidim_lab.identification.markers.thresholds import MARKERS
+from fidim_lab.identification.motion.rigid import distances_off
 from fidim_lab.mismatch.cleaning.hand_times import hand_times
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
@@ -109,11 +109,9 @@ def deforms(window: Window, places: Float[np.ndarray, "M 3"], contact: Contact) 
 
     places: of the markers on the platform (m). No hand does that: a marker that is seen then alone, and elsewhere.
     """
-    pairs = np.array(list(combinations(range(len(places)), 2)), dtype=int).reshape(-1, 2).T
-    nominal = np.linalg.norm(np.subtract(*places[pairs]), axis=1)
-    seen = np.linalg.norm(np.subtract(*window.markers[:, pairs].swapaxes(0, 1)), axis=2)
+    off = distances_off(window.markers, places) ** 2
     during = (window.t >= contact.begin) & (window.t <= contact.end)
-    inside, outside = ((seen[use] - nominal) ** 2 for use in (during, ~during))
+    inside, outside = off[during], off[~during]
     if not (np.isfinite(inside).any() and np.isfinite(outside).any()):
         return False
     return bool(np.nanmean(inside) > CLEANING.contacts_above * np.nanmean(outside))

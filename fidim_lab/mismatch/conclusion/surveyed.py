@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import encoders_say, furthest, told_geometry
 from fidim_lab.identification.results.result import Geometry, Moved
-from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, Nuisance
+from fidim_lab.identification.survey import TYPICAL, TYPICAL_ANCHOR, Nuisance
 from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.conclusion.verdict import Judged
@@ -59,8 +59,7 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
 
 def is_wrong(opened: Sequence[Nuisance], robot: Robot) -> bool:
     """Whether a geometry that was left open is off by more than a file that states no survey is surveyed to."""
-    usual = {"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTACHMENT}
-    factors = [one.sd[0] / usual[one.what] for one in opened if one.what in usual]
+    factors = [one.sd[0] / TYPICAL[one.what] for one in opened if one.what in TYPICAL]
     return robot.survey is None and bool(np.log(max(factors, default=1.0)) > BEYOND)
 
 

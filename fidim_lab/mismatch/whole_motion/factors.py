@@ -10,14 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.identification.mle.evidence import FACTORS, SPREAD_OF_FACTORS, Linearised
-from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, Nuisance
+from fidim_lab.identification.survey import TYPICAL, Nuisance
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.models import WholeModel
 from fidim_lab.model.sensitivity.equations import BODY
 
 GRID = FACTORS[::4]
 """neighbours differ by 1.6: that changes the evidence of three offsets by a tenth of a nat near its best"""
-TYPICAL = {"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTACHMENT}
 
 
 def likeliest_survey(model: WholeModel, *, alike: bool) -> tuple[Nuisance, ...]:

@@ -85,8 +85,10 @@ class _Steps:
 
     def _piece_by_piece(self, opened: WholeModel) -> WholeModel:
         """With an error of its own size for each piece, where evidence asks for that and held-out windows agree."""
+        if opened.found.likelihood.mechanism.robot.survey is not None:
+            return opened
         own = opened
-        for _ in range(0 if opened.found.likelihood.mechanism.robot.survey is not None else SURVEY_ROUNDS):
+        for _ in range(SURVEY_ROUNDS):
             own = self.trial.opened(own, likeliest_survey(own, alike=False)) or own
         price = surprise(own.geometry) - surprise(opened.geometry)
         asked = log_odds(own, opened) > max(price, 0.0) and taken(opened, own) > 0.0
