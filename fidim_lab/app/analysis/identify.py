@@ -1,9 +1,8 @@
 """`fidim identify`: a campaign folder in; `identified.summary` shows what comes out to a person.
 
-What scaling and weighting are worth to total least squares: the paper's form, its columns scaled, and ours.
-
-Total least squares is not invariant to the scaling of its columns (spec/model.md §3). The paper scales nothing; the
-spread between the three columns of this table is uncertainty that no standard deviation contains.
+With total least squares it also shows what scaling and weighting are worth: the paper's form, its columns scaled, and
+ours. Total least squares is not invariant to the scaling of its columns (spec/model.md §3), and the paper scales none:
+the spread between the three columns of that table is uncertainty that no standard deviation contains.
 """
 
 from dataclasses import dataclass

@@ -1,15 +1,12 @@
 """What the checks of a robot file find: of its cables, of the order of its attachments, of its stated uncertainties.
 
-Are the attachments in the order of the anchors, and which way is down? What one mistake, taken back, mends.
+Where a robot cannot rest, one mistake is taken back at a time. Only what people do is tried: attachments in another
+order than the anchors, gravity along another axis or upwards, attachments measured from the other side of P.
 
-Only what people do is tried: attachments in another order than the anchors, gravity along another axis or upwards,
-attachments measured from the other side of P.
-
-Standard deviations of a robot file that cannot be meant: each is held against what it is the uncertainty of.
-
-No number is allowed by itself. Two points that are surveyed worse than they are apart could be each other; a camera as
-uncertain as the largest swing shows none; one count of an encoder is less than a turn of its motor; a direction that is
-uncertain by a radian is unknown. All four mean a unit other than m and rad.
+Standard deviations are held against what they are the uncertainty of, since no number is wrong by itself. Two points
+that are surveyed worse than they are apart could be each other; a camera as uncertain as the largest swing shows none;
+one count of an encoder is less than a turn of its motor; a direction that is uncertain by a radian is unknown. All four
+mean a unit other than m and rad.
 """
 
 import itertools

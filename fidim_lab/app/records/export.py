@@ -7,9 +7,8 @@ mat         one MATLAB file, a struct for each window
 With the campaign that a result or an explanation is of, mjcf is the whole robot with its cables, from where a window
 began, and python a module of functions: lengths → pose and tensions, zero dynamics.
 
-What is left of windows that were broken off (killed process, power cut, guard): to be looked at, never to be fitted.
-
-They lie as `.part` files in `windows/` and `rejected/`, and become CSV files in a folder apart from any campaign.
+Windows that were broken off (killed process, power cut, guard) lie as `.part` files in `windows/` and `rejected/`. What
+is left of them becomes CSV files in a folder apart from any campaign: to be looked at, never to be fitted.
 """
 
 import json

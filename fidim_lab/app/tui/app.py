@@ -1,8 +1,7 @@
 """The Textual application: orders from any screen, the emergency stop over everything, ten drawings a second.
 
-From a run that has ended back to one that can go on: its service is started again, latched, and the screen finds it.
-
-Nothing moves by it: the emergency stop is reset (r) and the run begun (g) as in any other service.
+After a run that has ended its service can be started again, latched, and the screen finds it. Nothing moves by that:
+the emergency stop is reset (r) and the run begun (g) as in any other service.
 """
 
 import os

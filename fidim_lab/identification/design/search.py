@@ -2,11 +2,9 @@
 
 Starts are independent and seeded, so they run on any map (local processes, dask) with the same results.
 
-Windows that winches can excite: displacements that they reach even at the largest expected damping.
-
-What a hand may give is beyond winches at most places, since their strokes pull at the cables on top of the swing. A
-plan that `fidim run --procedure excite` is to carry out wants no more than they reach: then every window swings as it
-says.
+A plan for winches has displacements that they reach even at the largest expected damping. What a hand may give is
+beyond winches at most places, since their strokes pull at the cables on top of the swing. A plan that `fidim run
+--procedure excite` is to carry out wants no more than they reach: then every window swings as it says.
 """
 
 from dataclasses import dataclass, replace

@@ -5,10 +5,8 @@ Evidence is Laplace's: half the fall of the sum of squares, prior included, less
 independent samples: the data's part of both is divided by χ²/dof. All from one linearised problem, at a point where
 cables and markers are open; either is closed, and each one's standard deviations are scaled, within it.
 
-The sum of squares near an optimum as a quadratic function, and the evidence of models that free some of it.
-
-Evidence is Laplace's, of a normal prior about 0 on all but the body: what data and prior leave, and the Occam factor
-½ ln det(I + prior covariance × information), with the data's part divided by χ²/dof where that is above 1.
+`Linearised` is that problem: the sum of squares near an optimum as a quadratic function, with a normal prior about 0 on
+all but the body, and the evidence of models that free some of it.
 """
 
 from collections.abc import Sequence

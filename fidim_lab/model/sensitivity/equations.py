@@ -14,7 +14,7 @@ is not. Mechanism(…, springs=True) makes the stretched cables springs instead 
 freedoms, nodes as near to each other as the stiffest cable asks for, or quiet ones (`stiff`). What cameras see
 is `measurement`'s.
 
-Tensions of cables that are springs, from their stretch (spec/model.md §6).
+Cables that are springs have their tensions from their stretch (spec/model.md §6).
 
     stretch = l − l₀ − drift,   τ = stretch/κ + c · d stretch/dt
 

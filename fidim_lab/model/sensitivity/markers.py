@@ -3,7 +3,7 @@
 Position, velocity and acceleration at the nodes, and the quintic Hermite polynomial between them: the nodes lie at most
 17 ms apart, so it is good to 1e-9 m for motions of a few hertz.
 
-Markers on stalks along given motions: a damped oscillator whose foot moves, node by node of a grid, exactly.
+A marker on a stalk is a damped oscillator whose foot moves, followed exactly from node to node:
 
     ÿ + 2 ζ ω ẏ + ω² y = ω² f,    f = g − acceleration of the foot (world frame),    y = f where all is slow
 

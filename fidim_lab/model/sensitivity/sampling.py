@@ -1,8 +1,7 @@
-"""One of the trajectories at times of one's own choice, as a `Motion`.
+"""Trajectories and cable lengths where they are asked for: at any times, or at thousands of poses.
 
-Cable lengths of platforms at rest with their derivatives by the pose alone: for searches among thousands of poses.
-
-What `starts` gives beside (free twists, derivatives by everything that is shared) would cost ten times as much.
+A trajectory comes as a `Motion`; lengths of platforms at rest with their derivatives by the pose alone. What `starts`
+gives beside (free twists, derivatives by everything that is shared) would cost ten times as much.
 """
 
 import casadi as ca

@@ -4,9 +4,8 @@ campaign.toml, robot.toml, windows/   the recording            truth.json     wh
 journal.jsonl                         how it was recorded      import.json    where it was imported from
 devices.json                          the drives
 
-Where a report comes from: versions of what computed it, and the files it was computed from with their checksums.
-
-Nothing here depends on when or in which folder the report is written: the same run gives the same report.
+A report also says where it comes from: versions of what computed it, and the files with their checksums. Nothing here
+depends on when or in which folder the report is written: the same run gives the same report.
 """
 
 import hashlib

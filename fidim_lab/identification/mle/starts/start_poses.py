@@ -3,12 +3,11 @@
 One search takes microseconds of arithmetic and milliseconds of Python, so all that are asked for go side by side;
 each is damped by itself and ends by itself, as if it were alone.
 
-First poses of windows without measured cable lengths, where markers alone leave the orientation open.
-
-One marker's place is a family of poses. A platform swings about one at which it rests, with its marker in the middle of
-the motion; most of the others no four cables could hold, and a fit that begins there ends with a slack cable. With four
-cables these rests are still a family of one, of which the least turned is taken: from it the fit reached rests that
-were turned by changes of 5 cm of each cable.
+Without measured cable lengths markers alone may leave the orientation open. One marker's place is a family of poses. A
+platform swings about one at which it rests, with its marker in the middle of the motion; most of the others no four
+cables could hold, and a fit that begins there ends with a slack cable. With four cables these rests are still a family
+of one, of which the least turned is taken: from it the fit reached rests that were turned by changes of 5 cm of each
+cable.
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,7 @@ The table of a window is R of QR [J_own J_shared r]: it holds everything that th
 order, in (own + shared + 1)² numbers. Own unknowns come first, so that striking out their rows and columns eliminates
 them: `reduced`. Steps, covariance, bootstrap and jackknife all work on tables and cost next to nothing.
 
-A prior on the body that keeps a search among bodies that can exist: the geodesic distance of pseudo-inertias.
+On the way, a prior keeps the search among bodies that can exist: the geodesic distance of pseudo-inertias.
 
     distance² = ‖log(J₀^-½ J J₀^-½)‖²    (Lee & Park 2018, A geometric algorithm for robust multibody inertial
                                            parameter identification; J as in `equations.consistency`)
