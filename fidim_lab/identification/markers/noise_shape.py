@@ -28,6 +28,12 @@ FARTHEST = 5.0
 """standard deviations of a difference, by their median: one of two million is farther by chance"""
 SURE = 5.0
 """log-evidence (BIC) for uneven noise, from which on it is believed: odds of 150"""
+ROUNDS = 50
+"""of Weiszfeld's iteration"""
+NEAR = 1e-3
+"""a distance of logarithms below which two recordings have the same shape: a thousandth of a covariance"""
+TINY = np.finfo(float).tiny
+"""keeps the logarithm of a marker that tells nothing finite"""
 
 
 def noise_shape(
@@ -36,31 +42,59 @@ def noise_shape(
     """Matrices that make the noise of each marker as large in all directions as it is on the mean of all.
 
     recordings: times (s) and markers (m, NaN where missing). stated: m, one standard deviation of a coordinate. None
-    where the noise is as even as chance leaves it, or where nothing tells.
+    where the noise is as even as chance leaves it, or where nothing tells. The shape is the one that most recordings
+    have: a few with swapped or reflected markers do not change it.
     """
     most = max((markers.shape[1] for _, markers in recordings), default=0)
-    sums, counts = np.zeros((most, 3, 3)), np.zeros(most)
-    for t, markers in recordings:
-        for m, found in enumerate(_differences(t, markers)):
-            sums[m] += found.T @ found
-            counts[m] += len(found)
-    if not (counts * INDEPENDENT > FREE).all():
+    found = [_of_recording(t, markers, stated) for t, markers in recordings]
+    covariances, independent = np.zeros((most, 3, 3)), np.zeros(most)
+    for m in range(most):
+        logs = [(one[m], count[m]) for one, count in found if m < len(count) and count[m] > 0]
+        if not logs:
+            return None
+        every, counts = (np.array(values) for values in zip(*logs, strict=True))
+        covariances[m], independent[m] = _exponential(_middle(every, counts)), counts.sum()
+    if not most:
         return None
-    seen = sums / counts[:, np.newaxis, np.newaxis]
-    independent = counts * INDEPENDENT
-    shares = independent / independent.sum()
-    fast = float(shares @ np.einsum("mii->m", seen)) / 3
-    chance = float(np.sqrt(2 * np.sum(shares**2 / independent * np.einsum("mij,mij->m", seen, seen)))) / 3
-    slower = stated**2 - fast if stated**2 > fast + BY_CHANCE * chance else 0.0
-    covariances, mean = seen + slower * np.eye(3), fast + slower
-    if mean <= 0:
-        return None
+    mean = float(independent @ np.einsum("mii->m", covariances)) / 3 / independent.sum()
     values, axes = np.linalg.eigh(covariances / mean)
-    if values.min() <= 0:
-        return None
     gained = -0.5 * float(independent @ np.log(values).sum(axis=1))
     price = 0.5 * (FREE * most - 1) * np.log(independent.sum())
     return np.einsum("mik,mk,mjk->mij", axes, values**-0.5, axes) if gained - price > SURE else None
+
+
+def _of_recording(
+    t: Series, markers: Float[np.ndarray, "T M 3"], stated: float
+) -> tuple[Float[np.ndarray, "M 3 3"], Float[np.ndarray, " M"]]:
+    """Logarithms of the covariances over their mean, and how many samples tell each; 0 where they do not tell it."""
+    found = _differences(t, markers)
+    independent = INDEPENDENT * np.array([len(one) for one in found])
+    seen = np.array([one.T @ one / max(1, len(one)) for one in found])
+    independent[(independent <= FREE) | (np.linalg.eigvalsh(seen)[:, 0] <= 0)] = 0.0
+    if not independent.any():
+        return seen, independent
+    shares = independent / independent.sum()
+    fast = float(shares @ np.einsum("mii->m", seen)) / 3
+    lengths = np.einsum("mij,mij->m", seen, seen)
+    chance = float(np.sqrt(2 / independent.sum() * shares @ lengths)) / 3
+    slower = stated**2 - fast if stated**2 > fast + BY_CHANCE * chance else 0.0
+    values, axes = np.linalg.eigh((seen + slower * np.eye(3)) / (fast + slower))
+    told = np.maximum(values, TINY)
+    return np.einsum("mik,mk,mjk->mij", axes, np.log(told), axes), independent
+
+
+def _middle(logs: Float[np.ndarray, "W 3 3"], counts: Float[np.ndarray, " W"]) -> Float[np.ndarray, "3 3"]:
+    """Their geometric median (Weiszfeld's iteration from the mean), which no minority moves far."""
+    middle = np.average(logs, axis=0, weights=counts)
+    for _ in range(ROUNDS):
+        distances = np.linalg.norm(logs - middle, axis=(1, 2))
+        middle = np.average(logs, axis=0, weights=counts / np.maximum(distances, NEAR))
+    return middle
+
+
+def _exponential(symmetric: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    values, axes = np.linalg.eigh(symmetric)
+    return np.asarray((axes * np.exp(values)) @ axes.T)
 
 
 def _differences(t: Series, markers: Float[np.ndarray, "T M 3"]) -> list[Float[np.ndarray, "D 3"]]:

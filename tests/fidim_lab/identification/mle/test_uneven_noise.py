@@ -34,7 +34,19 @@ def test_the_shape_makes_the_noise_even():
     assert shape is not None
     mean = np.sqrt(np.mean(UNEVEN**2))
     for one, sd in zip(shape, UNEVEN, strict=True):
-        assert one @ np.diag(sd**2) @ one.T == pytest.approx(mean**2 * np.eye(3), abs=0.08 * mean**2)
+        assert one @ np.diag(sd**2) @ one.T == pytest.approx(mean**2 * np.eye(3), abs=0.1 * mean**2)
+
+
+@pytest.mark.parametrize("sd", [np.full((2, 3), 1e-4), UNEVEN])
+def test_a_few_recordings_with_swapped_markers_do_not_make_the_shape(sd: np.ndarray):
+    """Two of the paper's 14 recordings with three cables have jumps of millimetres between frames in two markers."""
+    good = drawn(sd, 6, 1)
+    bad = drawn(sd * np.array([[40.0], [1.0]]), 2, 2)
+    alone, beside = noise_shape(good, 1e-4), noise_shape(good + bad, 1e-4)
+    if alone is None:
+        assert beside is None
+    else:
+        assert beside == pytest.approx(alone, rel=0.3, abs=0.1)
 
 
 def test_samples_that_are_off_are_no_noise():
