@@ -6,6 +6,7 @@ fourth) differences that are zero to the rounding, in all coordinates of a marke
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import maximum_filter1d
 
 from fidim_lab.arrays import Series, runs
 from fidim_lab.data.records import Campaign, Window
@@ -34,7 +35,7 @@ def _filled(window: Window) -> Bool[np.ndarray, "N M"]:
         return found
     for m in range(window.markers.shape[1]):
         track = window.markers[:, m]
-        digit = last_digit(track)
+        digit = _last_digits(track)
         for order, beside in ((2, 0), (4, 1)):
             found[:, m] |= _on_curves(track, order, beside, digit)
     return found
@@ -46,7 +47,7 @@ def _even(t: Series) -> bool:
     return len(t) > 8 and bool(np.quantile(np.abs(steps - np.median(steps)), 0.9) < 0.01 * np.median(steps))
 
 
-def last_digit(track: Float[np.ndarray, "N 3"]) -> float:
+def last_digit(track: Float[np.ndarray, "..."]) -> float:
     """Size of the last decimal that the file writes, m."""
     known = track[np.isfinite(track)]
     for digits in range(1, DIGITS):
@@ -56,18 +57,29 @@ def last_digit(track: Float[np.ndarray, "N 3"]) -> float:
     return 10.0**-DIGITS
 
 
-def _on_curves(track: Float[np.ndarray, "N 3"], order: int, beside: int, digit: float) -> Bool[np.ndarray, " N"]:
+def _last_digits(track: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    """Of each number, m: of six digits in all, as C's %g and Nexus write them, larger numbers have fewer decimals."""
+    decade = np.floor(np.log10(np.maximum(np.abs(track), 10.0**-DIGITS)))
+    digits = np.full(track.shape, 10.0**-DIGITS)
+    for one in np.unique(decade[np.isfinite(decade)]):
+        digits[decade == one] = last_digit(track[decade == one])
+    return digits
+
+
+def _on_curves(
+    track: Float[np.ndarray, "N 3"], order: int, beside: int, digits: Float[np.ndarray, "N 3"]
+) -> Bool[np.ndarray, " N"]:
     """Samples whose differences of this order are zero in all coordinates; `beside`: further ones on each side."""
     half = order // 2
     apart = np.full(track.shape, np.nan)
     apart[half:-half] = np.diff(track, n=order, axis=0)
-    rounding = digit * 2.0 ** (order - 1)
+    rounding = maximum_filter1d(digits, order + 1, axis=0) * 2.0 ** (order - 1)
     zero = np.asarray((np.abs(apart) <= rounding * (1 + 1e-6)).all(axis=1))
-    others = np.abs(apart[~zero & np.isfinite(apart).all(axis=1)])
+    others = np.abs(apart / rounding)[~zero & np.isfinite(apart).all(axis=1)]
     found = np.zeros(len(track), dtype=bool)
-    if len(others) < 8 or np.median(others, axis=0).min() < SCATTER * rounding:
+    if len(others) < 8 or np.median(others, axis=0).min() < SCATTER:
         return found
-    chance = float(np.prod((others <= 4 * rounding).mean(axis=0) / 4 + 1 / len(track)))
+    chance = float(np.prod((others <= 4).mean(axis=0) / 4 + 1 / len(track)))
     needed = max(1, int(np.ceil(np.log(CHANCE / len(track)) / np.log(min(chance, 0.5)))))
     if zero.sum() > MANY * max(1.0, chance * len(track)):
         needed = 1  # a recording that was upsampled has them everywhere, one between any two

@@ -71,6 +71,29 @@ def test_computed_samples_are_missing(recorded: Make, fill: str):
         assert set(range(100, 140)) <= set(gone.tolist()) <= set(range(96, 144))
 
 
+@pytest.mark.parametrize("fill", ["line", "cubic"])
+def test_computed_samples_are_missing_where_numbers_have_six_digits_in_all(recorded: Make, fill: str):
+    """As Nexus and C's %g write mm: three decimals up to 999.999, two from 1000.00 on."""
+
+    up = np.array([0.0, 0.0, 2.0])
+
+    def spoil(markers: np.ndarray) -> np.ndarray:
+        markers = markers + up
+        share = np.linspace(0, 1, 42)[1:-1, None, None]
+        share = share if fill == "line" else 3 * share**2 - 2 * share**3
+        markers[100:140] = markers[99] + share * (markers[140] - markers[99])
+        return np.vectorize(lambda x: 1e-3 * float(f"{1e3 * x:.6g}"))(markers)
+
+    campaign = recorded(noise=NOISE)
+    cables = tuple(replace(cable, d=cable.d + up) for cable in campaign.robot.cables)
+    spoilt = each(replace(campaign, robot=replace(campaign.robot, cables=cables)), spoil)
+    found = clean_recordings(spoilt).recordings
+    for window in found.campaign.windows:
+        assert np.nanmin(window.markers[:, 0, 2]) > 1.0
+        gone = np.flatnonzero(~np.isfinite(window.markers[:, 0, 0]))
+        assert set(range(100, 140)) <= set(gone.tolist()) <= set(range(96, 144))
+
+
 @pytest.mark.parametrize("every", [2, 3, None])
 @pytest.mark.parametrize("cluster", [False, True])
 def test_repeated_frames_are_missing(recorded: Make, every: int | None, cluster: bool):
