@@ -9,6 +9,7 @@ from pathlib import Path
 
 from drivers.disk import InlineDisk
 from drivers.ports import Disk
+from fidim_lab.errors import HardwareError
 from procedures.guards.guard import HOST_LOOP, Guard, Observation, Reacting
 from procedures.settings import GuardSettings, Reaction
 
@@ -94,6 +95,26 @@ class ClockStepGuard:
         if before is None or abs(offset - before) <= self._allowed:
             return None
         return f"the computer's time of day was changed by {offset - before:+.1f} s during the run"
+
+
+def require_space(
+    folder: Path, seconds: float, rate: float, settings: GuardSettings, free: Callable[[Path], float] | None = None
+) -> None:
+    """Raise HardwareError where a run of so many s, at `rate` bytes/s, would come to use what is to be spared.
+
+    Before anything has power: a disk that is full then would stop the robot on its way. Not where the guard only warns.
+    """
+    if settings.reactions.get(DiskGuard.name) is Reaction.WARN:
+        return
+    there = next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())
+    size, found = seconds * rate, (free or _free)(there)
+    if found < settings.disk_spare + size:
+        spare = settings.disk_spare / 1e6
+        raise HardwareError(
+            f"{folder} has {found / 1e6:.0f} MB free; {size / 1e6 + spare:.0f} MB are required: {size / 1e6:.0f} MB "
+            f"for a run of {seconds / 60.0:.0f} min and {spare:.0f} MB to spare.",
+            hint="Nothing was moved. Free some space, or write to another disk (--out).",
+        )
 
 
 def _free(folder: Path) -> float:

@@ -18,12 +18,24 @@ from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Disk, Rig
 from fidim_lab.app.formats.devices_file import devices_of, read_back, write_devices
 from fidim_lab.app.formats.manifest import write_manifest
+from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import FidimError
 from procedures.events import Event, RunStarted
 from procedures.recording.raw_logs import RawLogs
 
+LINE, FRAMES = 45.0, 3.0
+"""bytes of a CAN frame in its log; frames of a winch in each cycle. Four winches at 100 Hz have 11.6 in all, SDO and
+heartbeats included; with RPDOs of cyclic position mode 15.6"""
+PACKET, MARKER, ROW = 300.0, 75.0, 520.0
+"""bytes of a motion-capture packet beside its markers, of each marker, and of a row of a window (csv and mcap)"""
 MANIFEST_WITHIN = 600.0
 """s: as long as no disk takes to read a day's run"""
+
+
+def bytes_a_second(file: RigFile) -> float:
+    """How fast a run of this rig fills the disk, bytes/s, as if it recorded all the time."""
+    bus = file.bus.sync_rate * LINE * (1.0 + FRAMES * (len(file.winches) + 1))
+    return bus + file.motion_capture.rate * (PACKET + MARKER * len(file.robot.markers) + ROW)
 
 
 class RunRecords:

@@ -21,7 +21,7 @@ from fidim_lab.app.compose.proofs import ProofKeeper
 from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
-from fidim_lab.app.formats.run_records import RunRecords
+from fidim_lab.app.formats.run_records import RunRecords, bytes_a_second
 from fidim_lab.app.formats.run_spec import NAME as SPEC
 from fidim_lab.app.formats.run_spec import PLAN, RIG, RunSpec, overridden, write_spec
 from fidim_lab.app.judging.model_check import Looked, ModelCheck
@@ -43,10 +43,11 @@ from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import FidimError, HardwareError, of_file
 from procedures.guards.guard import Guard
-from procedures.guards.host_guards import host_guards
+from procedures.guards.host_guards import host_guards, require_space
 from procedures.guards.robot_guards import LogGuard
 from procedures.handlers import HANDLERS
 from procedures.protocols.catalogue import experiment
+from procedures.protocols.listing import Outline
 from procedures.recording.disk import sync
 from procedures.recording.resumption import Resumption, read_resumption
 from procedures.recording.run_folder import one_writer
@@ -90,6 +91,7 @@ def prepare(spec: RunSpec) -> Work:
     own = spec.procedure.endswith(".py")  # whose mistakes are said of that file
     with of_file(None if own else plan_file):
         made = experiment(spec.procedure, plan, file.robot, _settings(spec, file, winches), resumption=resumption)
+    require_space(spec.out, Outline(made.procedure).between[1], bytes_a_second(file), made.settings.guard)
     alignment = None if spec.resume or spec.procedure == ALIGN else known_alignment(file)
     return Work(spec, file, winches, plan, made, resumption, alignment)
 

@@ -1,12 +1,14 @@
 """Guards of the host: each trips at its threshold, with its reaction, and forgets with hysteresis."""
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
+from fidim_lab.errors import HardwareError
 from procedures.events import RunFinished, StepStarted, Tripped, Warned
 from procedures.guards.guard import Observation, watch
-from procedures.guards.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards
+from procedures.guards.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards, require_space
 from procedures.outcomes import Outcome
 from procedures.recording.journal import LineKind, read_journal
 from procedures.settings import GuardSettings, Reaction
@@ -83,6 +85,18 @@ def test_a_disk_is_low_until_there_is_clearly_more(tmp_path):
     assert guard.look(at(12.0)) is not None
     free[0] = 250e6
     assert guard.look(at(18.0)) is None
+
+
+@pytest.mark.parametrize(("free", "enough"), [(229e6, False), (231e6, True)])
+def test_a_run_that_would_not_fit_is_refused_before_anything_has_power(tmp_path, free, enough):
+    settings = GuardSettings(disk_spare=200e6)
+    folder = tmp_path / "not" / "there"
+    if enough:
+        require_space(folder, 600.0, 50e3, settings, lambda _: free)
+        return
+    with pytest.raises(HardwareError, match="has 229 MB free; 230 MB are required: 30 MB for a run of 10 min and 200"):
+        require_space(folder, 600.0, 50e3, settings, lambda _: free)
+    require_space(folder, 600.0, 50e3, replace(settings, reactions={"disk": Reaction.WARN}), lambda _: free)
 
 
 @pytest.mark.parametrize(("by", "told"), [(0.5, False), (-0.5, False), (3600.0, True), (-2.0, True)])
