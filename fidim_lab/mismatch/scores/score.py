@@ -25,6 +25,10 @@ from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.model.side_by_side import side_by_side
 
 
+AT_ONCE = 64
+"""columns that are projected together: all at once would need another copy of them all"""
+
+
 @dataclass(frozen=True, eq=False)
 class Score:
     """The score of one hypothesis, or of several together."""
@@ -145,7 +149,10 @@ def _reduced_gram(compute: Callable[[], ResidualColumns], steady: int) -> tuple[
     basis = np.linalg.qr(window.by_own)[0]
     first = window.by_shared.shape[1] + steady
     rest = np.column_stack([window.by_shared, window.by_scored, window.residual])
-    rest -= basis @ (basis.T @ rest)
+    del window  # as large as this copy of it
+    for columns in range(0, rest.shape[1], AT_ONCE):
+        some = rest[:, columns : columns + AT_ONCE]
+        some -= basis @ (basis.T @ some)
     left, right = np.column_stack([rest[:, :first], rest[:, -1:]]), rest[:, first:-1]
     gram = np.zeros((rest.shape[1],) * 2)
     index = np.concatenate([np.arange(first), [len(gram) - 1]])
