@@ -16,7 +16,7 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
-from fidim_lab.mismatch.cleaning.restored import without_needless_contacts, without_needless_faults
+from fidim_lab.mismatch.cleaning.restored import without_needless, without_needless_contacts
 from fidim_lab.mismatch.conclusion.answer import with_answer
 from fidim_lab.mismatch.conclusion.certainty import only_certain
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
@@ -101,7 +101,7 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     found, audited = reached.last.found, reached.last.cleaned
     if found.best.is_white and judged.outdone_by is None:
         right = campaign if reached.errors is None else reached.errors.put_right(campaign)
-        audited = without_needless_faults(right, audited, found.best.model)
+        audited = without_needless(right, audited, found.best.model)
     if told.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, told.unknown.fit)
     return audited

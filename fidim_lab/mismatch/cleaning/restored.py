@@ -57,20 +57,27 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
     return replace(audited, campaign=campaign, contacts=tuple(contacts), faults=(*cleaned.faults, *faults))
 
 
-def without_needless_faults(recorded: Campaign, cleaned: Cleaned, model: Completed) -> Cleaned:
-    """The result without the faults of displaced samples in windows that the model follows as they were recorded.
+def without_needless(recorded: Campaign, cleaned: Cleaned, model: Completed) -> Cleaned:
+    """The result without contacts and displaced samples in windows that the model follows as they were recorded.
 
     Screening knows a sample's neighbours alone: in violent motion, seen a few times a swing, some look displaced
-    through which the fitted motion passes. model: one that leaves only noise.
+    through which the fitted motion passes. It looks for hands by the robot file, whose geometry may be wrong. model:
+    one that leaves only noise.
     """
-    seen = {window.id: window.markers for window in recorded.windows}
+    seen = {window.id: window for window in recorded.windows}
     touched = {contact.window for contact in cleaned.contacts}
+    another = bool(model.fit.likelihood.mechanism.effects)  # than the one by which hands were looked for
+    never = {id for id in touched & set(seen) if another and _follows(model, [seen[id]])}
     displaced = [one for one in cleaned.faults if one.kind in (DefectKind.SPIKE, DefectKind.JUMP)]
     doubted = {one.window for one in displaced if one.window in seen} - touched
-    as_seen = [replace(one, markers=seen[one.id]) for one in cleaned.campaign.windows if one.id in doubted]
-    followed = {window.id for window in as_seen if _follows(model, [window])}
+    as_seen = [replace(one, markers=seen[one.id].markers) for one in cleaned.campaign.windows if one.id in doubted]
+    followed = never | {window.id for window in as_seen if _follows(model, [window])}
     needless = [one for one in displaced if one.window in followed]
-    return replace(cleaned, faults=tuple(one for one in cleaned.faults if one not in needless))
+    return replace(
+        cleaned,
+        faults=tuple(one for one in cleaned.faults if one not in needless),
+        contacts=tuple(one for one in cleaned.contacts if one.window not in never),
+    )
 
 
 def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) -> Cleaned:

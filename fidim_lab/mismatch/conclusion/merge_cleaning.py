@@ -79,7 +79,9 @@ def _message(explanation: Explanation, cleaned: Cleaned, verdict: Verdict) -> st
             said.append(cleaned.kinematics or "")
         return " ".join([head, *said, explanation.message])
     if cleaned.contacts:
-        said.insert(0, f"{len(cleaned.contacts)} contacts, such as an operator's hand, were cut out first.")
+        several = len(cleaned.contacts) > 1
+        hands = f"{len(cleaned.contacts)} contact{'s' * several}, such as an operator's hand, "
+        said.insert(0, f"{hands}{'were' if several else 'was'} cut out first.")
     elif said:
         said.insert(0, "Faulty samples were cut out first.")
     said.append(explanation.message)

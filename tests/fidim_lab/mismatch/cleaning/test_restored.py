@@ -10,7 +10,7 @@ from fidim_lab.identification.markers.finding import DefectKind, Finding
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
-from fidim_lab.mismatch.cleaning.restored import restored, without_needless_faults
+from fidim_lab.mismatch.cleaning.restored import restored, without_needless
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
 from fidim_lab.mismatch.fitting.refit import Completed
@@ -102,7 +102,14 @@ def test_screening_is_overruled_by_a_model_that_follows_the_samples(irma4: Robot
     screened = clean(campaign)
     lacking = _with(_with(campaign, _without_row(windows["i03"])), _without_row(windows["i05"]))
     cleaned = replace(screened, campaign=lacking, faults=faults)
-    assert without_needless_faults(seen, cleaned, model).faults == faults[:1]
+    assert without_needless(seen, cleaned, model).faults == faults[:1]
+
+
+@pytest.mark.slow
+def test_a_hand_that_only_a_wrong_geometry_shows_is_none(touched: tuple[Cleaned, Completed]) -> None:
+    cleaned, model = touched
+    true, false = hand("i02", 2.8, 4.2), hand("i04", 2.0, 3.0)
+    assert without_needless(cleaned.campaign, cut(cleaned, true, false), model).contacts == (true,)
 
 
 @pytest.mark.slow
