@@ -24,7 +24,6 @@ from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.model.side_by_side import side_by_side
 
-
 AT_ONCE = 64
 """columns that are projected together: all at once would need another copy of them all"""
 
