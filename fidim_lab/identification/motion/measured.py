@@ -70,7 +70,7 @@ def choose_variant(robot: Robot, window: Window, wanted: Variant | None) -> Vari
     if variant is Variant.SURFACE and 3 * int(seen.sum()) < robot.freedoms:
         raise SetupError(
             f"{int(seen.sum())} of {len(seen)} markers {'is' if seen.sum() == 1 else 'are'} seen in more than half of "
-            f"it, and {robot.freedoms} motions are free with {robot.n} cable{'s' * (robot.n > 1)}: the pose of a single "
+            f"it, and {robot.freedoms} motions are free with {robot.n} cable{'s' * (robot.n > 1)}: the pose of one "
             "sample is not known, so equations of motion (tls, ls, iv) cannot be formed.",
             hint="Use --method mle, which reads the rest from the course of the motion, or three markers not in line.",
         )
