@@ -22,8 +22,9 @@ from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import OFF_RATE, write_campaign
 from fidim_lab.data.importers.takes import Asked, Take, Takes
-from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
+from fidim_lab.identification.cleaning.gravity_clock import gravity_clock
 from fidim_lab.identification.motion.free_stretches import find_free_motion
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import counted
@@ -93,7 +94,17 @@ def find_windows(group: Takes) -> Sequence[TakeWindows]:
             found.append(one)
         except FidimError as error:
             found.append(TakeWindows(take, (), take.markers.decided, (), str(error)))
-    return _without_wrong_logs(found)
+    return _with_right_clock(group.robot, _without_wrong_logs(found), group.asked.rate or rate)
+
+
+def _with_right_clock(robot: Robot, found: Sequence[TakeWindows], rate: float) -> Sequence[TakeWindows]:
+    """The same, or all takes refused where gravity says another rate, Hz, than file or option."""
+    windows = tuple(window for one in found for window in one.windows)
+    clock = gravity_clock(Campaign("", robot, rate, windows))
+    if clock is None:
+        return found
+    refused = str(RefusedError(f"{clock.says(rate)}.", hint="Give the right rate with --rate."))
+    return [replace(one, windows=(), lengths=None, refused=refused) if one.windows else one for one in found]
 
 
 def _without_wrong_logs(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
-from fidim_lab.data.records import Motion, Robot, Window
+from fidim_lab.data.records import Campaign, Motion, Robot, Window
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.motion import rigid, surface
 from fidim_lab.identification.motion.measured import held_lengths, rest_pose
@@ -65,6 +65,19 @@ def balance(mechanism: Mechanism, window: Window) -> WindowBalance | None:
     left = across @ platform_regressor(motion, robot.gravity)
     inertial = across @ platform_regressor(motion, np.zeros(3))
     return WindowBalance(window, motion.t, left, inertial, noise)
+
+
+def balances_of(campaign: Campaign) -> tuple[WindowBalance, ...]:
+    """Of all windows whose poses are known."""
+    mechanism = Mechanism(campaign.robot)
+    return tuple(found for window in campaign.windows if (found := balance(mechanism, window)) is not None)
+
+
+def blocks(one: WindowBalance, length: float) -> list[tuple[Float[np.ndarray, "R 10"], Float[np.ndarray, "R 10"]]]:
+    """Rows of about so many seconds each: what is left over, and inertial forces, times χ."""
+    count = max(1, round(len(one.t) * EVERY / length))
+    pieces = np.array_split(np.arange(len(one.t)), count)
+    return [(one.left[k].reshape(-1, 10), one.inertial[k].reshape(-1, 10)) for k in pieces if len(k)]
 
 
 def _noise(robot: Robot, motion: Motion, free: Float[np.ndarray, "N 6 free"], body: Float[np.ndarray, "M 3"]) -> Series:

@@ -20,9 +20,11 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.balance import balances_of
 from fidim_lab.identification.cleaning.clock_jumps import without_clock_jumps
 from fidim_lab.identification.cleaning.filled import without_filled
 from fidim_lab.identification.cleaning.free_motion import hands, lasting, without_hands
+from fidim_lab.identification.cleaning.gravity_clock import refuse_other_clock
 from fidim_lab.identification.cleaning.knocked import without_knocked_markers
 from fidim_lab.identification.cleaning.labels import with_right_labels
 from fidim_lab.identification.cleaning.placeholders import without_placeholders
@@ -52,11 +54,13 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     anything.
     """
     done = without_bad_samples(campaign)
-    cuts = hands(done.campaign)
+    balances = balances_of(done.campaign)
+    cuts = hands(done.campaign, balances)
     done = done.then(without_hands(done.campaign, lasting(cuts)))
     seen = screen(done.campaign, kinematics=kinematics)
     possible = _refuse_mistakes(seen)
     _refuse_gravity(seen.campaign)
+    refuse_other_clock(done.campaign, balances)
     told = len(done.removed)
     done = done.then(_taken_out(done.campaign, seen.campaign))
     done = done.then(without_knocked_markers(done.campaign))

@@ -19,10 +19,9 @@ from scipy.ndimage import median_filter
 
 from fidim_lab.arrays import Series, runs
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.identification.cleaning.balance import EVERY, HALF, WindowBalance, balance
+from fidim_lab.identification.cleaning.balance import EVERY, HALF, WindowBalance, balances_of, blocks
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed
 from fidim_lab.identification.cleaning.resting import resting
-from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.regressor import parameter_vector
 from fidim_lab.say import counted
 
@@ -67,10 +66,12 @@ Cuts = dict[str, list[tuple[float, float]]]
 """window id → begins and ends of what is not free, s"""
 
 
-def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
-    """Where the platform is not free. Windows that do not show their poses say nothing."""
-    mechanism = Mechanism(campaign.robot)
-    balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
+def hands(campaign: Campaign, known: Sequence[WindowBalance] | None = None, rule: FreeMotionRule = RULE) -> Cuts:
+    """Where the platform is not free. Windows that do not show their poses say nothing.
+
+    known: their `balances`, computed here unless given.
+    """
+    balances = {one.window.id: one for one in (balances_of(campaign) if known is None else known)}
     found, judged = _unbalanced(balances, campaign, rule) if balances else ({}, set())
     for window in campaign.windows:
         cuts = [] if window.id in found else resting(window, campaign.robot.sensors.marker_noise)
@@ -154,27 +155,20 @@ def _robust_body(
     balances: Sequence[WindowBalance], nominal: np.ndarray, rule: FreeMotionRule
 ) -> Float[np.ndarray, "10"]:
     """χ that balances the better half of all blocks, each weighed by its inertial forces."""
-    blocks = [block for one in balances for block in _blocks(one, rule.block)]
+    seconds = [block for one in balances for block in blocks(one, rule.block)]
     chi, before = nominal, None
     for _ in range(rule.rounds):
-        left = np.array([np.sqrt(np.mean((rows @ chi) ** 2)) for rows, _ in blocks])
-        inertial = np.array([np.sqrt(np.mean((rows @ chi) ** 2)) for _, rows in blocks]) + np.finfo(float).tiny
-        better = np.argsort(left / inertial)[: max(1, (len(blocks) + 1) // 2)] if before is not None else None
-        kept = np.arange(len(blocks)) if better is None else np.sort(better)
+        left = np.array([np.sqrt(np.mean((rows @ chi) ** 2)) for rows, _ in seconds])
+        inertial = np.array([np.sqrt(np.mean((rows @ chi) ** 2)) for _, rows in seconds]) + np.finfo(float).tiny
+        better = np.argsort(left / inertial)[: max(1, (len(seconds) + 1) // 2)] if before is not None else None
+        kept = np.arange(len(seconds)) if better is None else np.sort(better)
         if before is not None and np.array_equal(kept, before):
             break
         before = kept
-        rows = np.concatenate([blocks[k][0] / max(inertial[k], np.median(inertial)) for k in kept])
+        rows = np.concatenate([seconds[k][0] / max(inertial[k], np.median(inertial)) for k in kept])
         step = np.linalg.lstsq(rows[:, 1:], -rows @ nominal, rcond=rule.shown)[0]
         chi = nominal + np.concatenate([[0.0], step])
     return chi
-
-
-def _blocks(one: WindowBalance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Rows of about so many seconds each: what is left over, and inertial forces, (rows, 10)."""
-    count = max(1, round(len(one.t) * EVERY / length))
-    pieces = np.array_split(np.arange(len(one.t)), count)
-    return [(one.left[k].reshape(-1, 10), one.inertial[k].reshape(-1, 10)) for k in pieces if len(k)]
 
 
 def _disturbed(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:

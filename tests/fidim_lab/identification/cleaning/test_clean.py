@@ -1,5 +1,6 @@
 """The one cleaning: what stands for a blank, was computed, stamped on arrival, held or pushed; and nothing else."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -294,6 +295,29 @@ def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(record
     errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
     assert max(errors) < 3.5
     assert "The time stamps say 99.9001 Hz, campaign.toml says 100 Hz" in " ".join(found.warnings)
+
+
+@pytest.mark.parametrize("cluster", [False, True])
+@pytest.mark.parametrize(("factor", "fewest", "most"), [(0.5, 45, 65), (2.0, 160, 220)])
+def test_a_clock_that_gravity_contradicts_is_refused_with_its_rate(
+    recorded: Make, cluster: bool, factor: float, fewest: float, most: float
+):
+    """Samples were taken at 100 Hz times this factor; header and stamps agree on 100 Hz."""
+    recording = each(recorded(noise=NOISE, cluster=cluster), lambda markers: markers)
+    as_taken = tuple(at_times(w, factor) for w in recording.windows)
+    with pytest.raises(RefusedError, match="By gravity") as refused:
+        clean_recordings(replace(recording, windows=as_taken))
+    named = float(re.findall(r"at about ([0-9.]+) Hz", str(refused.value))[0])
+    assert fewest <= named <= most
+
+
+def at_times(window: Window, factor: float) -> Window:
+    """What a camera of so many times the rate takes of the same motion, stamped with the usual steps."""
+    taken = np.arange(0.0, window.t[-1], 0.01 / factor)
+    flat = window.markers.reshape(len(window.t), -1)
+    noise = 0.3 * NOISE * np.random.default_rng(2).standard_normal((len(taken), flat.shape[1]))
+    markers = np.column_stack([np.interp(taken, window.t, column) for column in flat.T]) + noise
+    return of_rows(window, markers.reshape(len(taken), *window.markers.shape[1:]))
 
 
 def test_a_window_that_was_retimed_by_the_header_is_not_stretched_once_more(recorded: Make, true_body):
