@@ -134,8 +134,8 @@ class Winch(Protocol):
         """Stop on the ramp and hold position with power on."""
         ...
 
-    def quick_stop(self) -> None:
-        """Stop on the quick-stop ramp: a single write, never waits."""
+    def quick_stop(self, *, again: bool = False) -> None:
+        """Stop on the quick-stop ramp: a single write, never waits. again: repeated, the ramp stays the first one's."""
         ...
 
     def force_stop(self) -> None:

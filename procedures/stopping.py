@@ -14,6 +14,10 @@ from procedures.settings import GuardSettings, HoldSettings
 
 POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 """states in which a drive keeps the cable by its motor"""
+AGAIN = 0.02
+"""s between two quick stops to a drive that does not confirm it: two cycles at 100 Hz, in which a confirmation comes"""
+_UNHEARD = (DriveState.OPERATION_ENABLED, DriveState.UNKNOWN)
+"""states in which a drive may not have heard a quick stop"""
 _NOT_TAKEN = "is still in operation enabled after a quick stop"
 
 
@@ -42,10 +46,10 @@ class StoppedWinch:
         return {key: round(value, 6) if isinstance(value, float) else value for key, value in told.items()}
 
 
-def quick_stop(winch: Winch) -> None:
+def quick_stop(winch: Winch, *, again: bool = False) -> None:
     """A single write; a winch that cannot even be written to must not keep the others from being stopped."""
     with contextlib.suppress(Exception):
-        winch.quick_stop()
+        winch.quick_stop(again=again)
 
 
 class Stopping:
@@ -72,12 +76,17 @@ class Stopping:
         self._unseen = False
         self._seen = False
         """whether a sample has come since the command"""
+        self._sent = now
+        """when a quick stop was written last"""
+        self._repeated = False
 
     def look(self, now: float, *, final: bool) -> bool:
         """Take the newest sample; whether the winch does not obey. final: it must stand by now."""
         if self.forced:
             return False
         sample = self.winch.latest()
+        if self._quick_stopped:
+            self._repeat(now, DriveState.UNKNOWN if sample is None else sample.state)
         powered = sample is not None and sample.state in POWERED  # by somebody else, where we have commanded nothing
         had_power = self.winch.powered or powered  # the others have nothing to obey with
         if sample is None or now - sample.t > self._age:
@@ -98,6 +107,19 @@ class Stopping:
         if final:
             self._wrong = self._wrong or self._moves
         return bool(self._wrong) and had_power
+
+    def _repeat(self, now: float, state: DriveState) -> None:
+        """A frame may be lost: the quick stop is written again until the drive's statusword confirms it.
+
+        Its ramp then begins with the one that was heard.
+        """
+        if state in _UNHEARD:
+            if now - self._sent >= AGAIN:
+                quick_stop(self.winch, again=True)
+                self._sent, self._repeated = now, True
+        elif self._repeated:
+            quick_stop(self.winch)
+            self._told, self._follower, self._repeated = now, Follower(self._tolerance), False
 
     def quick_stop(self, now: float) -> None:
         """A quick stop where a hold was refused, or not answered: from now on the drive must show that it heard it."""

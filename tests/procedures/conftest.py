@@ -88,7 +88,7 @@ class FakeWinch:
             await self.world.clock.sleep(1.0)
         self._stay()
 
-    def quick_stop(self) -> None:
+    def quick_stop(self, *, again: bool = False) -> None:
         self.commands.append("quick_stop")
         self._stay()
         if not self.fault:

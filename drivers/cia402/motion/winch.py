@@ -187,9 +187,10 @@ class Cia402Winch:
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
         self.stands()
 
-    def quick_stop(self) -> None:
-        """Stop on the quick-stop ramp: one frame, never waits."""
-        self._stops(self.config.quick_stop_deceleration)
+    def quick_stop(self, *, again: bool = False) -> None:
+        """Stop on the quick-stop ramp: one frame, never waits. again: the place that is expected stays as it was."""
+        if not again:
+            self._stops(self.config.quick_stop_deceleration)
         quick_stop(self._drive)
 
     def force_stop(self) -> None:
