@@ -19,8 +19,9 @@ from procedures.control import Control
 from procedures.engine import Engine, ProcedureEnd
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
 from procedures.expected.limits import check_moves
+from procedures.guards import geometry_guard
 from procedures.guards.device_guards import device_guards
-from procedures.guards.guard import Guard, Reaction
+from procedures.guards.guard import Guard, Reacting, Reaction
 from procedures.guards.robot_guards import LogGuard, standard_guards
 from procedures.handlers import HANDLERS, Handler
 from procedures.outcomes import Outcome
@@ -150,6 +151,7 @@ class _Run:
         limits = experiment.robot.limits.tension
         guards = (
             *standard_guards(names, self._factors, limits, settings.guard),
+            *self._geometry(stand),
             *device_guards(self._rig, settings.guard),
             LogGuard(lambda: self._disk.error),
             *more,
@@ -166,6 +168,19 @@ class _Run:
         self._journal.write(kind, text=experiment.name, data=data)
         self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds, outline.between))
         return await self._engine.run(experiment.procedure, stand, handlers, guards, settings.guard)
+
+    def _geometry(self, stand: Stand) -> tuple[Guard, ...]:
+        """What watches encoders by markers, where the robot allows it."""
+        robot, settings = stand.robot, stand.settings
+        if stand.rest is None or geometry_guard.lacks(robot):
+            return ()
+
+        def compared() -> geometry_guard.Place | None:
+            last = stand.places.last
+            return None if last is None else (last[0].lengths, last[0].marker)
+
+        guard = geometry_guard.GeometryGuard(robot, compared, stand.rest.pose, settings, self._factors)
+        return (Reacting(guard, settings.guard.reactions.get(guard.name, guard.reaction)),)
 
     async def _close(self, ending: ProcedureEnd, begin: float, error: BaseException | None) -> RunReport:
         """Hold the robot, keep what was recorded, write it down. Cannot be cut short."""
@@ -204,7 +219,8 @@ class _Run:
         if not pulse.touched and not powered:
             return UNTOUCHED
         latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
-        return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)
+        held = await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)
+        return held.doubted() if pulse.trip is not None and pulse.trip.guard == geometry_guard.NAME else held
 
     async def _write_down(self, report: RunReport) -> str:
         """The journal's last lines; returns why the disk did not take all, which must not hide the report."""

@@ -19,6 +19,7 @@ from fidim_lab.data.rigs.rig_guard_tables import (
     BusLost,
     DriveTemperature,
     FollowingErrorFor,
+    GeometryAllowed,
     LoopLate,
     MarkerChange,
     MarkerFor,
@@ -320,6 +321,9 @@ class GuardSettings:
     """m/s besides what was commanded: a drum that holds under a swinging platform stays under 0.012"""
     motion_speed_for: MotionSpeedFor = 0.03
     """s: three looks; single values of a differentiated encoder are noise"""
+    geometry: GeometryAllowed = 3e-3
+    """m by which markers and lengths may contradict each other more than where they were compared; survey and turns of
+    the platform come on top"""
     slip: Positive = 5e-3
     """m by which an encoder may leave its place while a window is recorded"""
     following_error: Positive = 0.015

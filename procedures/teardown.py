@@ -30,6 +30,14 @@ class Held:
     says: str
     winches: tuple[StoppedWinch, ...] = ()
 
+    def doubted(self) -> "Held":
+        """The same where markers have contradicted the encoders: then no encoder proves that a winch stands."""
+        says = (
+            "NOT VERIFIED that the robot is held: markers contradict the encoders, so cut the power by hand before you "
+            f"go near it. By the encoders: {self.says}"
+        )
+        return Held(ok=False, says=says, winches=self.winches)
+
 
 UNTOUCHED = Held(ok=True, says="This run moved nothing.")
 
@@ -88,7 +96,9 @@ def _held(winches: Sequence[Winch], stopped: Sequence[StoppedWinch], refusals: S
     ok = all(one.stands and one.obeyed for one in stopped)
     unsure = [one.name for one in stopped if not one.stands]
     disobeyed = [one.name for one in stopped if not one.obeyed]
-    unpowered = [w.name for w in winches if ok and (s := w.latest()) is not None and s.state not in POWERED]
+    states = {w.name: s.state for w in winches if ok and (s := w.latest()) is not None}
+    unknown = [name for name, state in states.items() if state is DriveState.UNKNOWN]
+    unpowered = [name for name, state in states.items() if state not in (*POWERED, DriveState.UNKNOWN)]
     if unsure:
         sentence = "NOT VERIFIED that the robot is held: "
         sentence += "cut the power by hand before" if disobeyed else "look before"
@@ -97,6 +107,8 @@ def _held(winches: Sequence[Winch], stopped: Sequence[StoppedWinch], refusals: S
         sentence = "All winches stand still by now, but cut the power by hand before you go near the robot."
     elif unpowered:
         sentence = f"All winches stand still, without motor power: {', '.join(unpowered)}."
+    elif unknown:
+        sentence = f"All winches stand still; whether they have motor power is not known: {', '.join(unknown)}."
     else:
         sentence = "All winches stand still, held."
     told = [(one.name, one.says.removeprefix(f"{one.name} ")) for one in stopped if one.says]

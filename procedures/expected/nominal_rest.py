@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import PerCable, Positions, Vector3
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Pose, Robot
 from fidim_lab.model.kinematics import allowed_places, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import Equilibrium
@@ -39,6 +39,10 @@ class NominalRest:
             marker = found.pose.position + found.pose.rotation @ self._robot.marker
             self._known[lengths] = ExpectedRest(marker, found.tensions_in_newton(self._robot.mass))
         return self._known[lengths]
+
+    def pose(self, lengths: Lengths) -> Pose:
+        """The pose of that rest. Raises InfeasibleError where the platform cannot rest."""
+        return self._equilibrium(lengths).pose
 
     def frequencies(self, lengths: Lengths) -> Float[np.ndarray, " free"]:
         """Of free motion about that rest, Hz, ascending. Raises InfeasibleError where the platform cannot rest."""

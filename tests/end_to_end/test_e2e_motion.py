@@ -157,6 +157,32 @@ def test_a_drive_that_hears_the_network_only_is_measured_after_it(rehearsal, tru
     assert not report.held
 
 
+@pytest.mark.parametrize(("nodes", "frames", "away"), [((2,), 2, 0.0), ((1, 2, 3, 4), 8, 0.0), ((), 0, 0.12)])
+def test_a_quick_stop_that_is_lost_on_its_way_is_repeated_until_it_is_confirmed(rehearsal, truth, nodes, frames, away):
+    """At 0.1 m/s NMT stop came after 7.1 mm, 13.4 mm where the bus was away."""
+
+    def strike(stage):
+        async def lose():
+            stage.bus.cut = away > 0.0
+            if nodes:
+                ids = frozenset(0x200 + node for node in nodes)
+                stage.bus.rules.append(FrameRule(ids, count=frames, drop=True))
+            stage.control.emergency_stop("pressed")
+            await stage.sleep(away)
+            stage.bus.cut = False
+
+        truth.watch(stage)
+        stage.spawn(lose())
+
+    rehearsal.at("MoveTo", strike, after=0.5)
+    ended = rehearsal.run()
+    report = ended.check(opened=False)
+    assert np.abs(truth.moved).max() <= (0.012 if away else 0.005)
+    assert all(one.stands and one.obeyed for one in report.stopped)
+    assert not [f for f in ended.frames if f.id == 0 and f.data[:1] == bytes((NmtCommand.STOP,))]
+    assert "without motor power" not in report.held_says
+
+
 def test_a_drive_that_restarts_in_a_move_is_asked_for_its_encoder(rehearsal):
     """Its boot-up message is lost: nothing passes on the bus but its silence."""
     reset = bytes((NmtCommand.RESET_NODE, 2))
@@ -187,3 +213,52 @@ def test_a_winch_that_moves_after_the_run_is_stopped_again(rehearsal):
     assert says.startswith("After the stop, winch 2 is +3.")
     assert held.ok
     assert held.says == "All winches stand still, held."
+
+
+STOPPED = 0.03
+"""m of cable from the fault to standstill at 0.05 m/s; `benchmarks.frozen_encoders` has all cables, steps and ways"""
+
+
+def freezes(cable, speed):
+    """The encoder of a drum that another program turns, m/s."""
+
+    def strike(stage):
+        defects = stage.drive(cable).defects
+        defects.encoder_frozen = defects.speed_frozen = True
+        stage.spin(cable, speed, unseen=True)
+
+    return strike
+
+
+@pytest.mark.parametrize(
+    ("step", "after", "cable", "speed"),
+    [("Ask", 0.3, 2, 0.05), ("Ask", 2.0, 2, -0.05), ("Record", 0.3, 4, 0.05), ("Settle", 0.05, 1, 0.05)],
+)
+@pytest.mark.sampled(1)
+def test_a_drum_behind_a_frozen_encoder_is_stopped_by_markers(rehearsal, truth, step, after, cable, speed):
+    strike = freezes(cable, speed)
+    rehearsal.at(step, lambda stage: (truth.watch(stage), strike(stage)), after=after)
+    ended = rehearsal.run()
+    report = ended.check(held=False, opened=False)
+    assert ended.trip.guard == "geometry"
+    assert f"{'longer' if speed > 0 else 'shorter'} than its encoder says" in report.reason
+    assert report.held_says.startswith("NOT VERIFIED that the robot is held: markers contradict the encoders")
+    assert np.abs(truth.moved).max() <= STOPPED
+    assert report.accepted == ()
+
+
+@pytest.mark.parametrize("offset", [(0.02, 0.0, 0.0), (0.0, 0.1, 0.1)])
+def test_a_marker_taken_for_another_for_a_moment_stops_nothing(rehearsal, scene, offset):
+    rehearsal.settings = scene.short(seconds=3.0)
+    rehearsal.at("Ask", lambda stage: stage.mocap.add("jumps", 0.4, offset), after=1.0)
+    ended = rehearsal.run()
+    assert ended.trip is None
+    assert ended.report.held
+
+
+def test_a_marker_that_stays_elsewhere_ends_the_run(rehearsal):
+    rehearsal.at("Ask", lambda stage: stage.mocap.add("jumps", 1e3, (0.0, 0.0, -0.1)), after=0.5)
+    ended = rehearsal.run()
+    assert ended.trip.guard == "geometry"
+    assert 1.0 <= ended.trip.t - ended.planted[0] <= 1.1
+    assert "or markers or motion capture's origin moved" in ended.report.reason

@@ -117,6 +117,16 @@ WITHIN = {
 }
 
 
+def found_at_once(ended: Any) -> bool:
+    """Whether markers have contradicted the encoders (a jump: for a second) before a place or a window was judged."""
+    if ended.trip is None:
+        return False
+    report = ended.check(held=False)
+    assert ended.trip.guard == "geometry"
+    assert "than its encoder says; or markers or motion capture's origin moved" in report.reason
+    return True
+
+
 @pytest.mark.parametrize("kind", WITHIN)
 @pytest.mark.parametrize("after", [0.5, 3.0])
 @pytest.mark.sampled(3)
@@ -126,12 +136,14 @@ def test_what_moves_while_a_person_is_at_the_platform_is_found_in_that_window(
     rehearsal.plan = scene.two
     rehearsal.at("Ask", WITHIN[kind], after=after)
     ended = rehearsal.run()
-    report = ended.check()
-    assert report.outcome is Outcome.FAIL
-    assert "Window i01: " in report.reason
-    assert "since the platform was at rest, a cable slipped on its drum, or the marker" in report.reason
-    assert not report.accepted
-    assert len(ended.begun["Record"]) == 1, "nobody is asked to displace a platform whose cable slipped"
+    if not found_at_once(ended):
+        report = ended.check()
+        assert "slips" not in kind
+        assert report.outcome is Outcome.FAIL
+        assert "Window i01: " in report.reason
+        assert "since the platform was at rest, a cable slipped on its drum, or the marker" in report.reason
+    assert not ended.report.accepted
+    assert len(ended.begun.get("Record", ())) <= 1, "nobody is asked to displace a platform whose cable slipped"
 
 
 @pytest.mark.parametrize("kind", AFTER)
@@ -142,11 +154,12 @@ def test_what_goes_wrong_later_is_found_at_the_next_place(rehearsal: Any, scene:
     rehearsal.at("Accept", fault)
     true = tensions(rehearsal)
     ended = rehearsal.run()
-    report = ended.check()
-    assert report.outcome is Outcome.FAIL
-    assert says in report.reason
+    if not found_at_once(ended):
+        report = ended.check()
+        assert report.outcome is Outcome.FAIL
+        assert says in report.reason
+        assert ended.begun["Record"][-1] < ended.begun["ComparePlace"][-1]
     assert len(ended.begun["MoveTo"]) <= 2
-    assert ended.begun["Record"][-1] < ended.begun["ComparePlace"][-1]
     low, high = rehearsal.robot.limits.tension
     assert low <= np.min(true[-1]) <= np.max(true[-1]) <= high, "held where it was found"
     slips = kind == "a cable slips"  # the jump of a cable throws the platform about, whatever anybody does

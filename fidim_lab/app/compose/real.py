@@ -239,6 +239,7 @@ def _guard_settings(guards: GuardsTable, base: GuardSettings, window: float) -> 
         motion_late=guards.motion.late,
         motion_speed=guards.motion.speed,
         motion_speed_for=guards.motion.lasting,
+        geometry=guards.geometry.allowed,
         slip=guards.slip.allowed,
         following_error=guards.following_error.part * window,
         following_error_for=guards.following_error.lasting,

@@ -33,6 +33,8 @@ from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, InfeasibleError, SetupError
 from fidim_lab.model.mechanism import Mechanism
 from procedures.expected import NominalRest, PlaceHistory, SeenAtRest, place_measurements
+from procedures.guards.geometry_guard import NAME as GEOMETRY
+from procedures.guards.geometry_guard import lacks
 from procedures.steps import Lengths
 
 from .drive_doctor import check_family, check_grades, check_repairs
@@ -214,8 +216,14 @@ def check_tensions(file: RigFile) -> list[Check]:
 def check_guards(file: RigFile) -> list[Check]:
     """The reaction table, for a person to read."""
     guards = file.guards.model_dump()
+    off = lacks(file.robot)
     return [
-        Check(f"guard {name.replace('_', ' ')}", CheckVerdict.OK, _words(**guard)) for name, guard in guards.items()
+        Check(
+            f"guard {name}", CheckVerdict.WARNING, f"off: {off}", "an encoder frozen while its drum turns is not seen"
+        )
+        if off and name == GEOMETRY
+        else Check(f"guard {name.replace('_', ' ')}", CheckVerdict.OK, _words(**guard))
+        for name, guard in guards.items()
     ]
 
 

@@ -28,6 +28,8 @@ MarkerPart = Annotated[float, Field(ge=0, le=0.2)]
 """of the longest cable's way, in addition"""
 FollowingErrorFor = Annotated[float, Field(ge=0, le=10)]
 """s"""
+GeometryAllowed = Annotated[float, Field(gt=0, le=0.03)]
+"""m of cable"""
 DriveTemperature = Annotated[float, Field(gt=0, le=150)]
 """°C"""
 TemperatureAge = Annotated[float, Field(gt=0, le=600)]
@@ -84,6 +86,13 @@ class MotionGuardTable(Table):
     late: MotionLate = 0.06
     speed: MotionSpeed = 0.03
     lasting: MotionSpeedFor = 0.03
+
+
+class GeometryGuardTable(Table):
+    """`[guards.geometry]`: markers that do not fit the lengths told, while every winch should stand."""
+
+    reaction: Literal["hold", "quick-stop"] = "quick-stop"
+    allowed: GeometryAllowed = 3e-3
 
 
 class SlipGuardTable(Table):
@@ -170,8 +179,8 @@ class GaugesGuardTable(Table):
 class GuardsTable(Table):
     """`[guards]`: what each guard does when it trips, and when that is.
 
-    What protects robot and people (drive, stale winch, tension, motion) always stops; "warn" is for what only spoils a
-    record.
+    What protects robot and people (drive, stale winch, tension, motion, geometry) always stops; "warn" is for what only
+    spoils a record.
     """
 
     drive: DriveGuardTable = DriveGuardTable()
@@ -179,6 +188,7 @@ class GuardsTable(Table):
     tension: TensionGuardTable = TensionGuardTable()
     marker: MarkerGuardTable = MarkerGuardTable()
     motion: MotionGuardTable = MotionGuardTable()
+    geometry: GeometryGuardTable = GeometryGuardTable()
     slip: SlipGuardTable = SlipGuardTable()
     following_error: FollowingErrorGuardTable = FollowingErrorGuardTable()
     temperature: TemperatureGuardTable = TemperatureGuardTable()

@@ -25,6 +25,8 @@ class Defects:
     """moves go the other way"""
     encoder_frozen: bool = False
     """6064 keeps the value that it has"""
+    speed_frozen: bool = False
+    """606C does"""
     enables_itself: bool = False
     """some tenths of a second after a stop it is in OPERATION ENABLED again"""
     stops_in_words: bool = False

@@ -31,6 +31,7 @@ class Feedback:
         self._make = make
         self._defects = defects or Defects()
         self._frozen: int | None = None
+        self._frozen_speed: int | None = None
         self._shaft = shaft
         self._positioner = positioner
         self._strayed_since: float | None = None
@@ -77,7 +78,11 @@ class Feedback:
 
     def velocity(self) -> int:
         """606C, counts/s or the maker's unit."""
-        return _saturate(self.motion.velocity / self._make.velocity, 32)
+        if not self._defects.speed_frozen:
+            return _saturate(self.motion.velocity / self._make.velocity, 32)
+        if self._frozen_speed is None:
+            self._frozen_speed = _saturate(self.motion.velocity / self._make.velocity, 32)
+        return self._frozen_speed
 
     def current(self) -> int:
         """6078 and 6077, per mille of the rated value."""

@@ -166,6 +166,24 @@ def test_a_drive_that_halts_alone(rehearsal, fault):
 
 @pytest.mark.fault(
     "drives",
+    "an encoder is frozen in place and speed while its drum pays out at 0.05 m/s, with a person at the platform",
+    reaction="quick stop",
+    within=1.0,
+    says="mm longer than its encoder says",
+    window="none was open",
+    held=False,
+)
+def test_an_encoder_that_is_frozen_while_its_drum_turns(rehearsal, fault):
+    def strike(stage):
+        defects = stage.drive(2).defects
+        defects.encoder_frozen = defects.speed_frozen = True
+        stage.spin(2, 0.05, unseen=True)
+
+    fault.strikes(rehearsal, strike, step="Ask", after=0.3)
+
+
+@pytest.mark.fault(
+    "drives",
     "another program turns a drum in profile velocity mode",
     reaction="quick stop",
     within=0.03,

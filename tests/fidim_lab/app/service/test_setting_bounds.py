@@ -24,6 +24,7 @@ GUARDS = {
     "motion_late": ("motion", "late"),
     "motion_speed": ("motion", "speed"),
     "motion_speed_for": ("motion", "lasting"),
+    "geometry": ("geometry", "allowed"),
     "slip": ("slip", "allowed"),
     "following_error_for": ("following_error", "lasting"),
     "temperature": ("temperature", "limit"),
