@@ -1,8 +1,9 @@
-"""Two rates near each other: the header's and that of the time stamps (59.94 Hz written as 60). Which one is right?
+"""Two rates near each other: the header's and that of the time stamps, or 60 Hz and 59.94. Which one is right?
 
-A clock that runs a thousandth fast is a gravity that is two thousandths too large: mostly the body takes it up, and
-nothing shows. So both are fitted. Where one explains the recordings better beyond chance, it leads; else the standard
-deviations are widened to hold both answers, and it is said.
+Cameras that follow video take 60/1.001 frames, and programs call that 60: times made of such a header say nothing. A
+clock that runs a thousandth fast is a gravity that is two thousandths too large: mostly the body, or a geometry that is
+left open, takes it up, and nothing shows. So both are fitted. Where one explains the recordings better beyond chance,
+it leads; else the standard deviations are widened to hold both answers, and it is said.
 """
 
 from collections.abc import Callable, Collection
@@ -20,6 +21,9 @@ OTHER = 0.05
 """of a rate: more is another camera, not a clock that is a little off"""
 AGREE = 0.25
 """of the difference, by which windows may differ: one wrong rate is the same in all"""
+VIDEO = (24.0, 30.0, 48.0, 60.0, 120.0, 240.0)
+"""Hz, that may stand for 1.001 times less"""
+SLOWER = 1.001
 CERTAIN = 25.0
 """χ² by which one must lead: odds of 10⁵, as many windows are looked at"""
 
@@ -32,6 +36,10 @@ class TwoClocks:
     """Hz, by the stamps"""
     header: float
     """Hz, by campaign.toml"""
+    says: str
+    """for people"""
+    video: bool = False
+    """whether only the rate itself raises the doubt"""
 
     def nearest(self, rate: float) -> float:
         """That of the two which is nearer to a rate, Hz."""
@@ -39,16 +47,22 @@ class TwoClocks:
 
 
 def two_clocks(campaign: Campaign) -> TwoClocks | None:
-    """Where header and stamps, as recorded, differ alike in all windows; else None."""
+    """Where header and stamps, as recorded, differ alike in all windows, or say a rate of video; else None."""
     ratios = np.array([
         mean_step(np.arange(len(w.t)), w.t) * campaign.sample_rate for w in campaign.windows if _whole(w.t)
     ])  # fmt: skip
     if len(ratios) < 2:
         return None
     off = float(np.median(ratios)) - 1
+    rate = campaign.sample_rate
+    if np.abs(ratios - 1).max() < SAME:
+        video = next((one for one in VIDEO if abs(rate / one - 1) < SAME), None)
+        says = f"{rate:.6g} Hz may stand for {rate / SLOWER:.6g}, which cameras that follow video take."
+        return None if video is None else TwoClocks(rate / SLOWER, rate, says, video=True)
     if not SAME < abs(off) < OTHER or np.abs(ratios - 1 - off).max() > AGREE * abs(off):
         return None
-    return TwoClocks(campaign.sample_rate / (1 + off), campaign.sample_rate)
+    says = f"The time stamps say {rate / (1 + off):.6g} Hz, campaign.toml says {rate:.6g} Hz."
+    return TwoClocks(rate / (1 + off), rate, says)
 
 
 def _whole(t: np.ndarray) -> bool:
@@ -70,21 +84,32 @@ def by_both(
         identify(_stretched(cleaned, {w.id: by_window.get(w.id, now) / rate for w in cleaned.windows}))
         for rate in (now, other)
     )
-    said = f"The time stamps say {clocks.stamps:.6g} Hz, campaign.toml says {clocks.header:.6g} Hz. "
+    said = f"{clocks.says} "
     usual = max(1.0, min(one.noise_ratio or 1.0 for one in (first, second)) ** 2)
     unlike = {w.id for one in (first, second) for w in one.windows if w.chi2_per_dof is None}
-    better = (_chi2(first, unlike) - _chi2(second, unlike)) / usual
-    fewer = _left_out(first) - _left_out(second)
-    if fewer or abs(better) > CERTAIN:
-        lead, rate = (second, other) if (fewer or better) > 0 else (first, now)
-        why = "with the other, windows contradict each other" if fewer else f"χ² is {abs(better):.0f} less"
-        said += f"The recordings are explained better with {rate:.6g} Hz ({why}): it is used."
-        return replace(lead, warnings=(said, *lead.warnings))
+    leads = (
+        (second.outcome.answers - first.outcome.answers, 0.0, "with the other, the model does not explain them"),
+        (_left_out(first) - _left_out(second), 0.0, "with the other, windows contradict each other"),
+        (_is_bent(first) - _is_bent(second), 0.0, "with the other, the robot file's geometry does not hold"),
+        ((_chi2(first, unlike) - _chi2(second, unlike)) / usual, CERTAIN, "χ² is {:.0f} less"),
+    )
+    for lead, least, why in leads:
+        if abs(lead) > least:
+            better, rate = (second, other) if lead > 0 else (first, now)
+            if clocks.video and better is first:
+                return first
+            said += f"The recordings are explained better with {rate:.6g} Hz ({why.format(abs(lead))}): it is used."
+            return replace(better, warnings=(said, *better.warnings))
     said += (
         f"The recordings do not show which is right: {now:.6g} Hz is used, and each ± includes the change by the "
         "other. Correct the wrong one."
     )
     return replace(_widened(first, second), warnings=(said, *first.warnings))
+
+
+def _is_bent(result: IdentificationResult) -> bool:
+    """Whether the robot file's geometry, stated without a survey, does not hold."""
+    return result.geometry is not None and not result.geometry.stated and bool(result.geometry.moved)
 
 
 def _clock_of(t: np.ndarray, clocks: TwoClocks) -> float:

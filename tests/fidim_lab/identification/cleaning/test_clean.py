@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter, lfilter_zi, sosfiltfilt
 
-from fidim_lab.data.records import Campaign, Window
+from fidim_lab.data.records import Body, Campaign, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.cleaning.low_pass import low_passed
@@ -295,6 +296,27 @@ def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(record
     errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
     assert max(errors) < 3.5
     assert "The time stamps say 99.9001 Hz, campaign.toml says 100 Hz" in " ".join(found.warnings)
+
+
+@pytest.mark.parametrize("taken", [60.0, 60.0 / 1.001])
+def test_sixty_frames_may_be_those_of_video(recorded: Make, true_body: Body, taken: float):
+    """A header of 60 Hz: the body was 20 stated ± off, and the geometry called wrong, where cameras took 59.94."""
+
+    def seen(window: Window) -> Window:
+        times = np.arange(0.0, window.t[-1], 1.0 / taken)
+        flat = window.markers.reshape(len(window.t), -1)
+        markers = CubicSpline(window.t, flat)(times).reshape(len(times), *window.markers.shape[1:])
+        markers = markers + NOISE * np.random.default_rng(int(window.id[1:])).standard_normal(markers.shape)
+        return replace(of_rows(window, markers), t=np.arange(len(times)) / 60.0)
+
+    exact = recorded(cluster=True)
+    campaign = replace(exact, sample_rate=60.0, windows=tuple(seen(window) for window in exact.windows))
+    found = identify(campaign, Method.MLE)
+    errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
+    assert max(errors) < 3.5
+    assert found.outcome.answers
+    video = [words for words in found.warnings if "follow video" in words]
+    assert bool(video) == (taken < 60.0)
 
 
 @pytest.mark.parametrize("cluster", [False, True])
