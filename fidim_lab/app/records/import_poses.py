@@ -25,7 +25,7 @@ from fidim_lab.app.records.import_readings import (
     refuse_misread,
     stands_still,
 )
-from fidim_lab.app.records.import_units import in_metres, units_that_fit
+from fidim_lab.app.records.import_units import SOME, found_otherwise, in_metres, units_that_fit
 from fidim_lab.arrays import Positions, Rotations, Series
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import MarkerLog
@@ -47,6 +47,10 @@ SOLVED = 5e-6
 """m, noise under which markers were computed, not measured: cameras leave 20 µm or more, rounding to 10 µm leaves 3"""
 FEWEST_MEASURED = 3
 """markers stand for a pose whether measured or computed; more tell something more only if measured"""
+
+
+WRONG_AXIS = "An axis has the wrong sign, or two are exchanged"
+MEND_AXIS = "Correct the axes in the export or in the column map."
 
 
 class MirroredError(RefusedError):
@@ -88,7 +92,7 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
             found = _by_markers(mechanism, log, asked)
         except RefusedError as error:
             if not log.bodies or isinstance(error, MirroredError):
-                raise _with_unit(mechanism, log, asked, error) from None
+                raise _with_cause(mechanism, log, asked, error) from None
             found = _by_bodies(mechanism, log, asked)
             found = replace(found, warnings=(*found.warnings, f"markers not used: {error}"))
     else:
@@ -118,15 +122,25 @@ def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
     return log, ()
 
 
-def _with_unit(mechanism: Mechanism, log: MarkerLog, asked: Asked, error: RefusedError) -> RefusedError:
-    """The same, with the unit that fits where the one that was said does not."""
-    if not (log.unit_said or asked.unit):
+def _with_cause(mechanism: Mechanism, log: MarkerLog, asked: Asked, error: RefusedError) -> RefusedError:
+    """The same, or the unit that fits where the one that was said does not; or that only a mirror fits."""
+    if isinstance(error, MirroredError) or asked.order:
         return error
     for unit, misfit in units_that_fit(mechanism, log).items():
         if not np.isclose(LENGTH_UNITS[unit], log.scale):
             what = f"The unit is not the one that {'was requested' if asked.unit else 'the file says'}: in {unit} the"
             what = f"{what} distances between the markers fit the robot file to {misfit * 1e3:.1f} mm"
             return RefusedError(what, hint=f"Give --unit {unit}.")
+    unit, mirrored = found_otherwise(mechanism, log) or (None, False)
+    if mirrored:
+        what = "The markers are the mirror image of the robot file's: whatever their labels, their distances fit"
+        what = f"{what} in a mirror{f' and in {unit}' if unit else ''} only. {WRONG_AXIS}"
+        return MirroredError(what, hint=MEND_AXIS)
+    if unit is not None:
+        what = (
+            f"The unit is not the one that was stated: whatever their labels, the markers' distances fit in {unit} only"
+        )
+        return RefusedError(what, hint=f"Give --unit {unit}.")
     return error
 
 
@@ -143,9 +157,9 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
         picked, ordered = tuple(names[k] for k in order), labelled[:, order]
         words = f"markers in the robot file's order: {', '.join(picked)}; distances agree to {misfit * 1e3:.1f} mm"
     except RefusedError:
-        ordered = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
-        if asked.order or np.isnan(ordered).all(axis=(1, 2)).mean() > UNFOUND:
+        if asked.order or not _are_found(places[:: max(1, len(places) // SOME)], body):
             raise
+        ordered = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
         picked = tuple(f"marker {k + 1}" for k in range(len(body)))
         words = f"markers found by their distances in each sample, among {len(names)} places whatever their labels"
     said = (*said, words)
@@ -175,6 +189,12 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     )  # fmt: skip
 
 
+def _are_found(places: np.ndarray, body: np.ndarray) -> bool:
+    """Whether the distances show markers in enough of these samples (N, P, 3) m."""
+    found = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
+    return bool(np.isnan(found).all(axis=(1, 2)).mean() <= UNFOUND)
+
+
 def _in_robots_frame(mechanism: Mechanism, log: MarkerLog, markers: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Markers (N, B, 3) m in the one of the file's frames in which cable lengths vary least, and which, in words.
 
@@ -202,8 +222,8 @@ def _refuse_mirrored(markers: np.ndarray, body: np.ndarray) -> None:
     as_read, mirrored = (float(np.nanmedian(fit_pose(seen, body)[2])) for seen in (markers, markers * [1, 1, -1]))
     if as_read > SURVEYED and FAR * mirrored < as_read:
         what = f"The markers are the mirror image of the robot file's: as read they miss by {as_read * 1e3:.1f} mm rms"
-        what = f"{what}, in a mirror by {mirrored * 1e3:.1f} mm. An axis has the wrong sign, or two are exchanged"
-        raise MirroredError(what, hint="Correct the axes in the export or in the column map.")
+        what = f"{what}, in a mirror by {mirrored * 1e3:.1f} mm. {WRONG_AXIS}"
+        raise MirroredError(what, hint=MEND_AXIS)
 
 
 def _order(

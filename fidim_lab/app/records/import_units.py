@@ -10,6 +10,7 @@ from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
+from fidim_lab.data.stitching import FEWEST, stitch
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
 
@@ -17,6 +18,11 @@ BY_PLACE = ("m", "mm")
 """a factor of 1000 apart, so that a place tells them apart"""
 WIDEST = 3.0
 """times as far from the middle of the anchors as these are themselves, the platform cannot be"""
+SOME = 40
+"""samples, in which markers are looked for in other units and in a mirror: 20 ms for each"""
+MOSTLY = 0.6
+"""of all markers are then found: three of five, which a mirror does not change, must not be enough"""
+MIRROR = np.array([1.0, 1.0, -1.0])
 
 
 def in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
@@ -44,6 +50,26 @@ def units_that_fit(mechanism: Mechanism, log: MarkerLog) -> dict[str, float]:
         except RefusedError:
             continue
     return fits
+
+
+def found_otherwise(mechanism: Mechanism, log: MarkerLog) -> tuple[str | None, bool] | None:
+    """Another unit (None: the same), and whether in a mirror, in which most markers are found whatever their labels.
+
+    None where they are found as read, or in no way, or where three markers look the same in a mirror.
+    """
+    body = mechanism.robot.markers
+    places = log.positions if log.unlabelled is None else np.concatenate([log.positions, log.unlabelled], axis=1)
+    some = without_filled(places, log.scale)[0][:: max(1, len(places) // SOME)]
+    ways: list[tuple[str | None, bool, float]] = [(None, False, 1.0), (None, True, 1.0)]
+    ways += [(unit, mirrored, LENGTH_UNITS[unit] / log.scale) for mirrored in (False, True) for unit in UNITS]
+    for unit, mirrored, factor in ways:
+        if (unit is not None and np.isclose(factor, 1.0)) or (mirrored and len(body) <= FEWEST):
+            continue
+        seen = factor * some * (MIRROR if mirrored else 1.0)
+        found = stitch(np.full((len(seen), *body.shape), np.nan), seen, body).markers
+        if np.isfinite(found).all(axis=2).mean() > MOSTLY:
+            return None if unit is None and not mirrored else (unit, mirrored)
+    return None
 
 
 def _scaled(log: MarkerLog, factor: float) -> MarkerLog:

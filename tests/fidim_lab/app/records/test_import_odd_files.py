@@ -5,6 +5,7 @@ Each says something wrongly or in a dialect: units, rates, axes, quaternions, na
 
 import json
 from collections.abc import Callable
+from copy import copy
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -42,6 +43,16 @@ def vicon(swing: Swing, *, scale: float = 1e3, unit: str = "mm", speeds: bool = 
     head = ["Trajectories", "100", ",," + ",,,".join(names), ",".join(["Frame", "Sub Frame", *axes])]
     counted = np.arange(3001.0, 3001.0 + len(swing.t))
     return "\n".join([*head, ",," + ",".join(units), *lines_of(counted, 0 * swing.t, *values)])
+
+
+def exchanged(swing: Swing, *, scale: float = 1e3, mirror: float = 1.0) -> str:
+    """Two labels change places in the middle, so that no order of them fits the whole take."""
+    markers = swing.markers * [1.0, 1.0, mirror]
+    half = len(markers) // 2
+    markers[half:, [1, 3]] = markers[half:, [3, 1]]
+    other = copy(swing)
+    other.markers = markers
+    return vicon(other, scale=scale)
 
 
 def motive(swing: Swing, *, up: str = "y", rate: str = "100.0", every: int = 1, names: list[str] = NAMES) -> str:
@@ -138,6 +149,7 @@ MAPS = {"markers": MARKER_MAP, "poses": POSE_MAP, "one": ONE_MAP}
 
 READ: dict[str, tuple[str, Callable[[Swing], str], list[str]]] = {
     "frames from 3001 on": ("vicon-csv", vicon, []),
+    "labels exchanged in the middle": ("vicon-csv", exchanged, []),
     "velocities beside places": ("vicon-csv", lambda swing: vicon(swing, speeds=True), []),
     "unit said wrongly, asked": ("vicon-csv", lambda swing: vicon(swing, unit="m"), ["--unit", "mm"]),
     "Motive set to z upwards": ("motive-csv", lambda swing: motive(swing, up="z"), []),
@@ -172,6 +184,8 @@ REFUSED: dict[str, tuple[str, Callable[[Swing], str], list[str], str]] = {
     "says m, is mm": ("vicon-csv", lambda swing: vicon(swing, unit="m"), [], "--unit mm"),
     "says mm, is m": ("vicon-csv", lambda swing: vicon(swing, scale=1.0), [], "--unit m"),
     "says m, is mm, far from 0": ("trc", lambda swing: trc(swing, unit="m", far=4000.0), [], "--unit mm"),
+    "says mm, is m, labels exchanged": ("vicon-csv", lambda swing: exchanged(swing, scale=1.0), [], "--unit m"),
+    "a mirror, labels exchanged": ("vicon-csv", lambda swing: exchanged(swing, mirror=-1.0), [], "in a mirror only"),
     "another rate": ("motive-csv", lambda swing: motive(swing, rate="120"), [], "120 Hz, its column of times 100 Hz"),
     "59.94 said of 60": ("trc", lambda swing: trc(swing, rate="99.9"), [], "99.9 Hz, its column of times 100 Hz"),
     "another rate of QTM": ("qtm-tsv", lambda swing: qtm(swing, rate="120", timed=True), [], "Say the right one"),
