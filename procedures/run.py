@@ -179,7 +179,9 @@ class _Run:
             last = stand.places.last
             return None if last is None else (last[0].lengths, last[0].marker)
 
-        guard = geometry_guard.GeometryGuard(robot, compared, stand.rest.pose, settings, self._factors)
+        guard = geometry_guard.GeometryGuard(
+            robot, compared, stand.rest.pose, settings, self._factors, stand.places.doubt
+        )
         return (Reacting(guard, settings.guard.reactions.get(guard.name, guard.reaction)),)
 
     async def _close(self, ending: ProcedureEnd, begin: float, error: BaseException | None) -> RunReport:

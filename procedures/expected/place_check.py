@@ -44,6 +44,15 @@ class PlaceHistory:
         self.windows: list[str] = []
         """accepted since then: what has changed may have changed in them"""
 
+    def doubt(self) -> str:
+        """The end of a sentence that tells a change: the windows in which it may have happened; empty without any."""
+        if self.last is None or not self.windows:
+            return ""
+        return (
+            f". It may have happened during window {', '.join(self.windows)}, which was accepted: check it before "
+            "using it"
+        )
+
 
 def place_measurements(
     rest: NominalRest, seen: SeenAtRest, history: PlaceHistory, settings: PlaceSettings
@@ -67,17 +76,12 @@ def place_measurements(
         changed = off - off_before
         far = float(np.linalg.norm(changed))
         found.append(Measurement("change of that distance since the last place", far, "m", high=allowed))
-    history.last, between = (seen, off), history.windows
-    history.windows = []
+    doubt = history.doubt()
+    history.last, history.windows = (seen, off), []
     wrong = [one for one in found if not one.outcome.usable]
     if not wrong:
         return tuple(found), ""
-    says = causes(rest, seen, changed if wrong[0] is not found[0] else off)
-    if len(found) > 1 and between:
-        says += (
-            f". It may have happened during window {', '.join(between)}, which was accepted: check it before using it"
-        )
-    return tuple(found), says
+    return tuple(found), causes(rest, seen, changed if wrong[0] is not found[0] else off) + doubt
 
 
 def causes(rest: NominalRest, seen: SeenAtRest, off: Vector3) -> str:

@@ -87,11 +87,15 @@ class GeometryGuard:
         pose_at: Callable[[Lengths], Pose],
         settings: Settings,
         newton_per_ampere: Sequence[float],
+        doubt: Callable[[], str],
     ) -> None:
-        """compared: where that was done last; pose_at: in which the platform rests at lengths (m)."""
+        """compared: where that was done last; pose_at: in which the platform rests at lengths (m).
+
+        doubt: the end of the sentence, about what was accepted since that comparison.
+        """
         self._mechanism = Mechanism(robot)
         self._misfit = length_misfit(self._mechanism)
-        self._last, self._pose_at, self._settings = compared, pose_at, settings
+        self._last, self._pose_at, self._settings, self._doubt = compared, pose_at, settings, doubt
         self._factors = np.array(newton_per_ampere)
         self._pulls = robot.limits.tension[0]
         self._sd = uncertainty(robot)
@@ -138,7 +142,7 @@ class GeometryGuard:
         return (
             f"the markers are {1e3 * size:.1f} mm from where the cables' lengths let them be, at most "
             f"{1e3 * allowed:.1f} mm is allowed: {self._causes(off)}; or markers or motion capture's origin moved. "
-            "A drum may turn while its encoder does not show it"
+            f"A drum may turn while its encoder does not show it{self._doubt()}"
         )
 
     def _stand(self, seen: Observation) -> bool:
