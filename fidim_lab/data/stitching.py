@@ -39,6 +39,14 @@ class Stitched:
     """samples in which a missing marker was found among the places without a label"""
 
 
+def found_by_shape(places: MarkerSeries, body: MarkerShape) -> MarkerSeries:
+    """Markers (N, B, 3) m found in each sample by distances alone, whatever their labels; NaN where none is.
+
+    Places and body as in `stitch`.
+    """
+    return stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
+
+
 def stitch(markers: MarkerSeries, places: MarkerSeries, body: MarkerShape) -> Stitched:
     """Mend labels.
 

@@ -25,7 +25,7 @@ from fidim_lab.app.records.import_readings import (
     refuse_misread,
     stands_still,
 )
-from fidim_lab.app.records.import_units import SOME, found_otherwise, in_metres, units_that_fit
+from fidim_lab.app.records.import_units import MIRROR, SOME, found_otherwise, in_metres, units_that_fit
 from fidim_lab.arrays import Positions, Rotations, Series
 from fidim_lab.data.importers.reading import LENGTH_UNITS, MIN_FRAMES
 from fidim_lab.data.importers.recording import MarkerLog
@@ -33,7 +33,7 @@ from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
 from fidim_lab.data.rigid_body import MarkerSeries, cluster_shape, fit_pose
-from fidim_lab.data.stitching import stitch
+from fidim_lab.data.stitching import found_by_shape, stitch
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import counted
@@ -159,7 +159,7 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
     except RefusedError:
         if asked.order or not _are_found(places[:: max(1, len(places) // SOME)], body):
             raise
-        ordered = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
+        ordered = found_by_shape(places, body)
         picked = tuple(f"marker {k + 1}" for k in range(len(body)))
         words = f"markers found by their distances in each sample, among {len(names)} places whatever their labels"
     said = (*said, words)
@@ -191,8 +191,7 @@ def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake
 
 def _are_found(places: np.ndarray, body: np.ndarray) -> bool:
     """Whether the distances show markers in enough of these samples (N, P, 3) m."""
-    found = stitch(np.full((len(places), *body.shape), np.nan), places, body).markers
-    return bool(np.isnan(found).all(axis=(1, 2)).mean() <= UNFOUND)
+    return bool(np.isnan(found_by_shape(places, body)).all(axis=(1, 2)).mean() <= UNFOUND)
 
 
 def _in_robots_frame(mechanism: Mechanism, log: MarkerLog, markers: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -219,7 +218,7 @@ def _in_robots_frame(mechanism: Mechanism, log: MarkerLog, markers: np.ndarray) 
 
 def _refuse_mirrored(markers: np.ndarray, body: np.ndarray) -> None:
     """Raises RefusedError where the markers (N, B, 3) m are the robot file's in a mirror: distances do not tell."""
-    as_read, mirrored = (float(np.nanmedian(fit_pose(seen, body)[2])) for seen in (markers, markers * [1, 1, -1]))
+    as_read, mirrored = (float(np.nanmedian(fit_pose(seen, body)[2])) for seen in (markers, markers * MIRROR))
     if as_read > SURVEYED and FAR * mirrored < as_read:
         what = f"The markers are the mirror image of the robot file's: as read they miss by {as_read * 1e3:.1f} mm rms"
         what = f"{what}, in a mirror by {mirrored * 1e3:.1f} mm. {WRONG_AXIS}"

@@ -10,7 +10,7 @@ from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
-from fidim_lab.data.stitching import FEWEST, stitch
+from fidim_lab.data.stitching import FEWEST, found_by_shape
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
 
@@ -23,6 +23,7 @@ SOME = 40
 MOSTLY = 0.6
 """of all markers are then found: three of five, which a mirror does not change, must not be enough"""
 MIRROR = np.array([1.0, 1.0, -1.0])
+"""by which coordinates are multiplied"""
 
 
 def in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
@@ -66,8 +67,7 @@ def found_otherwise(mechanism: Mechanism, log: MarkerLog) -> tuple[str | None, b
         if (unit is not None and np.isclose(factor, 1.0)) or (mirrored and len(body) <= FEWEST):
             continue
         seen = factor * some * (MIRROR if mirrored else 1.0)
-        found = stitch(np.full((len(seen), *body.shape), np.nan), seen, body).markers
-        if np.isfinite(found).all(axis=2).mean() > MOSTLY:
+        if np.isfinite(found_by_shape(seen, body)).all(axis=2).mean() > MOSTLY:
             return None if unit is None and not mirrored else (unit, mirrored)
     return None
 

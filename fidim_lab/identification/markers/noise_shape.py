@@ -6,7 +6,7 @@ thousandth of one at a fifth. Where the robot file states more noise than that, 
 known direction, and counts as the same in all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import comb
 
 import numpy as np
@@ -46,6 +46,8 @@ def noise_shape(
     have: a few with swapped or reflected markers do not change it.
     """
     most = max((markers.shape[1] for _, markers in recordings), default=0)
+    if not most:
+        return None
     found = [_of_recording(t, markers, stated) for t, markers in recordings]
     covariances, independent = np.zeros((most, 3, 3)), np.zeros(most)
     for m in range(most):
@@ -53,14 +55,11 @@ def noise_shape(
         if not logs:
             return None
         every, counts = (np.array(values) for values in zip(*logs, strict=True))
-        covariances[m], independent[m] = _exponential(_middle(every, counts)), counts.sum()
-    if not most:
-        return None
+        covariances[m], independent[m] = _spectral(np.exp, _middle(every, counts)), counts.sum()
     mean = float(independent @ np.einsum("mii->m", covariances)) / 3 / independent.sum()
-    values, axes = np.linalg.eigh(covariances / mean)
-    gained = -0.5 * float(independent @ np.log(values).sum(axis=1))
+    gained = -0.5 * float(independent @ np.linalg.slogdet(covariances / mean)[1])
     price = 0.5 * (FREE * most - 1) * np.log(independent.sum())
-    return np.einsum("mik,mk,mjk->mij", axes, values**-0.5, axes) if gained - price > SURE else None
+    return _spectral(lambda values: values**-0.5, covariances / mean) if gained - price > SURE else None
 
 
 def _of_recording(
@@ -78,9 +77,8 @@ def _of_recording(
     lengths = np.einsum("mij,mij->m", seen, seen)
     chance = float(np.sqrt(2 / independent.sum() * shares @ lengths)) / 3
     slower = stated**2 - fast if stated**2 > fast + BY_CHANCE * chance else 0.0
-    values, axes = np.linalg.eigh((seen + slower * np.eye(3)) / (fast + slower))
-    told = np.maximum(values, TINY)
-    return np.einsum("mik,mk,mjk->mij", axes, np.log(told), axes), independent
+    covariances = (seen + slower * np.eye(3)) / (fast + slower)
+    return _spectral(lambda values: np.log(np.maximum(values, TINY)), covariances), independent
 
 
 def _middle(logs: Float[np.ndarray, "W 3 3"], counts: Float[np.ndarray, " W"]) -> Float[np.ndarray, "3 3"]:
@@ -92,9 +90,12 @@ def _middle(logs: Float[np.ndarray, "W 3 3"], counts: Float[np.ndarray, " W"]) -
     return middle
 
 
-def _exponential(symmetric: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+def _spectral(
+    function: Callable[[np.ndarray], np.ndarray], symmetric: Float[np.ndarray, "*M 3 3"]
+) -> Float[np.ndarray, "*M 3 3"]:
+    """A function of matrices, by their eigenvalues."""
     values, axes = np.linalg.eigh(symmetric)
-    return np.asarray((axes * np.exp(values)) @ axes.T)
+    return np.einsum("...ik,...k,...jk->...ij", axes, function(values), axes)
 
 
 def _differences(t: Series, markers: Float[np.ndarray, "T M 3"]) -> list[Float[np.ndarray, "D 3"]]:
