@@ -182,7 +182,7 @@ class _Run:
         guard = geometry_guard.GeometryGuard(
             robot, compared, stand.rest.pose, settings, self._factors, stand.places.doubt
         )
-        return (Reacting(guard, settings.guard.reactions.get(guard.name, guard.reaction)),)
+        return (Reacting.by(settings.guard, guard),)
 
     async def _close(self, ending: ProcedureEnd, begin: float, error: BaseException | None) -> RunReport:
         """Hold the robot, keep what was recorded, write it down. Cannot be cut short."""

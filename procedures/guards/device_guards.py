@@ -88,4 +88,4 @@ def device_guards(rig: Rig, settings: GuardSettings) -> tuple[Guard, ...]:
         guards.append(ReleaseGuard(rig.release))
     if rig.gauges:
         guards.append(GaugeGuard(rig.gauges))
-    return tuple(Reacting(guard, settings.reactions.get(guard.name, guard.reaction)) for guard in guards)
+    return tuple(Reacting.by(settings, guard) for guard in guards)

@@ -7,7 +7,7 @@ The guards themselves are in `robot_guards`, `drive_guards` and `host_guards`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 from drivers.ports import Clock, MarkerFrame, WinchSample
 from drivers.trajectory import Trajectory
@@ -62,6 +62,11 @@ class Reacting:
 
     guard: Guard
     reaction: Reaction
+
+    @classmethod
+    def by(cls, settings: GuardSettings, guard: Guard) -> Self:
+        """With the reaction that the settings say, else the guard's own."""
+        return cls(guard, settings.reactions.get(guard.name, guard.reaction))
 
     @property
     def name(self) -> str:

@@ -130,4 +130,4 @@ def host_guards(
     """A fresh set for one run into a folder, reacting as the settings say."""
     space = DiskGuard(folder, settings.disk_spare, disk=disk)
     guards = (LoopGuard(settings.loop_late), space, ClockStepGuard(wall))
-    return tuple(Reacting(guard, settings.reactions.get(guard.name, guard.reaction)) for guard in guards)
+    return tuple(Reacting.by(settings, guard) for guard in guards)

@@ -236,9 +236,8 @@ def standard_guards(
         TemperatureGuard(winches, settings),
         BusGuard(winches, settings.bus_lost),
     )
-    reactions = settings.reactions
     always = (MotionGuard(winches, Tolerance.of(settings)), PowerGuard(winches))
     return (
-        *(Always(guard, reactions.get(guard.name, guard.reaction)) for guard in always),
-        *(Reacting(guard, reactions.get(guard.name, guard.reaction)) for guard in guards),
+        *(Always.by(settings, guard) for guard in always),
+        *(Reacting.by(settings, guard) for guard in guards),
     )
