@@ -97,6 +97,8 @@ class WinchSample:
     """bus cycles so far that brought no whole sample"""
     moved: int = 0
     """which way the winch went last: +1 paid out, −1 wound, 0 where that is not known"""
+    blind: bool = False
+    """the drive has contradicted its own encoder: that proves no standstill"""
 
 
 class Winch(Protocol):

@@ -222,7 +222,10 @@ class _Run:
             return UNTOUCHED
         latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
         held = await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)
-        return held.doubted() if pulse.trip is not None and pulse.trip.guard == geometry_guard.NAME else held
+        why = "markers contradict the encoders" * (pulse.trip is not None and pulse.trip.guard == geometry_guard.NAME)
+        blind = [w.name for w in self._rig.winches if (sample := w.latest()) is not None and sample.blind]
+        why = why or f"the encoder of {' and '.join(blind)} is contradicted by its drive" * bool(blind)
+        return held.doubted(why) if why else held
 
     async def _write_down(self, report: RunReport) -> str:
         """The journal's last lines; returns why the disk did not take all, which must not hide the report."""

@@ -32,6 +32,7 @@ from fidim_lab.data.rigs.rig_guard_tables import (
     Overload,
     SampleAge,
     Slack,
+    SlackHandled,
     TemperatureAge,
     TensionFor,
 )
@@ -309,6 +310,8 @@ class GuardSettings:
     """N by which a tension must come back before its violation is forgotten"""
     tension_for: TensionFor = 0.1
     """s for which a tension must be beyond its threshold"""
+    slack_handled: SlackHandled = 2.0
+    """s for which a cable may be slack while somebody handles the platform: so long a drum may pay out unseen"""
     current_stuck: Annotated[float, Field(gt=0, le=10)] = 1.0
     """s for which a motor current may stay exactly the same while its winch moves"""
     marker_for: MarkerFor = 3.0

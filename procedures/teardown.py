@@ -30,11 +30,11 @@ class Held:
     says: str
     winches: tuple[StoppedWinch, ...] = ()
 
-    def doubted(self) -> "Held":
-        """The same where markers have contradicted the encoders: then no encoder proves that a winch stands."""
+    def doubted(self, why: str) -> "Held":
+        """The same where encoders were contradicted (why: by what): then none proves that a winch stands."""
         says = (
-            "NOT VERIFIED that the robot is held: markers contradict the encoders, so cut the power by hand before you "
-            f"go near it. By the encoders: {self.says}"
+            f"NOT VERIFIED that the robot is held: {why}, so cut the power by hand before you go near it. "
+            f"By the encoders: {self.says}"
         )
         return Held(ok=False, says=says, winches=self.winches)
 

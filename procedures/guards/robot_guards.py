@@ -14,6 +14,14 @@ PUSHES = (
     "; a cable cannot push: is the sign of its drive wrong (direction, 607E), were two drives exchanged, or is "
     "its current measured wrongly?"
 )
+UNDER, SLACK = "under", "slack"
+"""the lower threshold, and the same while somebody handles the platform"""
+SLACKENED = 0.5
+"""of the robot's lowest allowed tension: what is under it so long is slack. The mean of a slack cable is 0 and its
+ammeter's noise 2 N in simulation, where a hand that displaces the platform leaves 19 N and more of 20"""
+CARRIED = (
+    " while the platform is handled; let it down slowly until all cables pull: a slack one may be longer than it seems"
+)
 MOVES = 0.02
 """m/s of cable at which a motor certainly works"""
 
@@ -102,17 +110,22 @@ class TensionGuard:
     """A cable's tension, from its motor current, stays beyond a threshold, or is not measured any more.
 
     A violation begins beyond the threshold, ends only `hysteresis` on its good side, and trips after `lasting`.
-    A hand at the platform may slacken a cable: the lower threshold does not count while somebody handles it.
+    A hand at the platform may slacken a cable, but not for long: markers cannot tell how long a slack cable is, so that
+    its drum may pay out unseen, and as far as it has the platform falls when it is let go.
     """
 
     name = "tension"
     reaction = Reaction.QUICK_STOP
 
-    def __init__(self, newton_per_ampere: Sequence[float], low: float, high: float, settings: GuardSettings) -> None:
+    def __init__(
+        self, newton_per_ampere: Sequence[float], tension: tuple[float, float], settings: GuardSettings
+    ) -> None:
+        """tension: the robot's limits, N."""
         self._factors = newton_per_ampere
-        self._low, self._high = low, high
+        self._low, self._high = settings.slack * tension[0], settings.overload * tension[1]
         self._hysteresis = settings.hysteresis
         self._lasting = settings.tension_for
+        self._handled = max(self._low, SLACKENED * tension[0]), settings.slack_handled
         self._since: dict[tuple[int, str], float] = {}
         self._stuck_for = settings.current_stuck
         self._unchanged: dict[int, tuple[float, float]] = {}
@@ -126,12 +139,13 @@ class TensionGuard:
             tension = factor * sample.current
             if math.isnan(tension):
                 return f"the tension of cable {cable} is unknown: its drive reports neither current nor torque"
-            if seen.phase is Phase.HANDLING:
-                self._since.pop((cable, "under"), None)
-            elif self._lasts(seen.t, (cable, "under"), tension - self._low):
-                says = f"cable {cable} has {tension:.1f} N, under {self._low:g} N for {self._lasting:g} s"
-                return says + PUSHES * (tension < 0.0)
-            if self._lasts(seen.t, (cable, "over"), self._high - tension):
+            handled = seen.phase is Phase.HANDLING
+            under, low, lasting = (SLACK, *self._handled) if handled else (UNDER, self._low, self._lasting)
+            self._since.pop((cable, UNDER if handled else SLACK), None)
+            if self._lasts(seen.t, (cable, under), tension - low, lasting):
+                says = f"cable {cable} has {tension:.1f} N, under {low:g} N for {lasting:g} s"
+                return says + (CARRIED if handled else PUSHES * (tension < 0.0))
+            if self._lasts(seen.t, (cable, "over"), self._high - tension, self._lasting):
                 return f"cable {cable} has {tension:.1f} N, over {self._high:g} N for {self._lasting:g} s"
             if self._is_stuck(seen.t, cable, sample):
                 return (
@@ -148,13 +162,13 @@ class TensionGuard:
         self._unchanged[cable] = (sample.current, since)
         return t - since >= self._stuck_for
 
-    def _lasts(self, t: float, which: tuple[int, str], room: float) -> bool:
+    def _lasts(self, t: float, which: tuple[int, str], room: float, lasting: float) -> bool:
         """Whether the room to the threshold (N, negative beyond it) has been used up for too long."""
         if room < 0.0:
             self._since.setdefault(which, t)
         elif room > self._hysteresis:
             self._since.pop(which, None)
-        return which in self._since and t - self._since[which] >= self._lasting
+        return which in self._since and t - self._since[which] >= lasting
 
 
 class MarkerGuard:
@@ -225,11 +239,10 @@ def standard_guards(
 
     One whose reaction is to reject the window spoils the recording that goes on, which its check then rejects.
     """
-    low, high = settings.slack * tension[0], settings.overload * tension[1]
     guards = (
         StaleGuard(winches, settings.sample_age),
         DriveGuard(winches),
-        TensionGuard(newton_per_ampere, low, high, settings),
+        TensionGuard(newton_per_ampere, tension, settings),
         MarkerGuard(settings.marker_for),
         MotionGuard(winches, Tolerance(settings.slip), "slip", Phase.RECORDING),
         FollowingErrorGuard(winches, settings),

@@ -65,13 +65,13 @@ class Drive:
         self._order += 1
         return self._order
 
-    def send(self, order: int, word: int) -> None:
-        """One controlword. Raises DeviceError where another command was begun since `order`, BusError."""
+    def send(self, order: int, word: int, *, both_ways: bool = False) -> None:
+        """One controlword; both_ways: by SDO, too. Raises DeviceError where another order was begun since, BusError."""
         if order != self._order:
             raise _overtaken(self._config)
         self._sent_at = self._clock.now()
         self._halted = bool(word & HALT)
-        self.link.send_controlword(word, self.target)
+        self.link.send_controlword(word, self.target, both_ways=both_ways)
 
     # what is known --------------------------------------------------------------------------------------------------
 

@@ -48,6 +48,7 @@ class Beside:
     emergencies: int = 0
     lost: int = 0
     moved: int = 0
+    blind: bool = False
 
 
 def make_sample(
@@ -72,4 +73,5 @@ def make_sample(
         emergencies=beside.emergencies,
         lost=beside.lost,
         moved=beside.moved,
+        blind=beside.blind,
     )

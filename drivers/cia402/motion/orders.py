@@ -37,6 +37,6 @@ def begin_hold(drive: Drive, device: str) -> tuple[int, DriveValues]:
     return order, values
 
 
-def quick_stop(drive: Drive) -> None:
-    """Stop on the quick-stop ramp: one frame, never waits."""
-    drive.send(drive.begin(), controlword(Command.QUICK_STOP))
+def quick_stop(drive: Drive, *, again: bool = False) -> None:
+    """Stop on the quick-stop ramp: one frame, never waits. again: by SDO, too, for the other way may be the fault."""
+    drive.send(drive.begin(), controlword(Command.QUICK_STOP), both_ways=again)

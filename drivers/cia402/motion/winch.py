@@ -31,6 +31,8 @@ from fidim_lab.errors import BusError, DeviceError
 
 _TRAVEL = 2e-3
 """m of cable that a winch must go one way for friction to have turned"""
+_SETTLED = 0.2
+"""s after a command's end in which a drive's own set-point may still come to rest: three times what a guard allows"""
 STANDSTILL = 0.005
 """of the highest speed"""
 
@@ -58,7 +60,7 @@ class Cia402Winch:
         """what `set_length` found"""
         self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
         self._health = HealthPoll(
-            self.link, master.clock, self._scale, config.temperature, config.sto, self._kept_settings
+            self.link, master.clock, self._scale, config.temperature, config.sto, self._kept_settings, self._standing
         )
         self._commanded: Trajectory | None = None
         self._forced = False
@@ -188,10 +190,13 @@ class Cia402Winch:
         self.stands()
 
     def quick_stop(self, *, again: bool = False) -> None:
-        """Stop on the quick-stop ramp: one frame, never waits. again: the place that is expected stays as it was."""
+        """Stop on the quick-stop ramp: one frame, never waits.
+
+        again: the place that is expected stays as it was, and it goes by SDO, too.
+        """
         if not again:
             self._stops(self.config.quick_stop_deceleration)
-        quick_stop(self._drive)
+        quick_stop(self._drive, again=again)
 
     def force_stop(self) -> None:
         """NMT stop, at which the drive does what 6007 says: one frame, never waits.
@@ -241,6 +246,12 @@ class Cia402Winch:
         """Nothing while stops are tried, which changes some."""
         return () if self.on_trial else stops_rest_on(self.link, self.config, self._master.host_id)
 
+    def _standing(self) -> Trajectory | None:
+        """The command by which it has been at rest for a while, with power."""
+        command, values = self.commanded, self.link.values
+        enabled = values is not None and state_of(values.statusword) is DriveState.OPERATION_ENABLED
+        return command if enabled and command is not None and self.clock.now() > command.end + _SETTLED else None
+
     def _stops(self, deceleration: float) -> None:
         """From what the encoder tells, or from where it was told to be where that is too old."""
         now, sample = self._master.clock.now(), self.latest()
@@ -269,6 +280,7 @@ class Cia402Winch:
             counters.emergencies,
             counters.lost,
             0 if self.link.motion is None else self.config.direction * self.link.motion.direction,
+            self._health.blind,
         )
         return make_sample(values, self.config, self._scale, state, beside)
 

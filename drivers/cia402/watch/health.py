@@ -20,6 +20,7 @@ from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.pdo import Mappable
 from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.ports import Clock
+from drivers.trajectory import Trajectory
 from fidim_lab.data.rigs.rig_winch_tables import Signal, TemperatureObject
 from fidim_lab.errors import DeviceError
 
@@ -35,6 +36,12 @@ CHANGED_SAYS = "somebody has changed what its stops rest on: {} {}: {} found, {}
 OLD = 1e-3
 """m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
 beyond which the encoder is elsewhere than both: 0 at rest; up to 0.03 m/s such samples are passed on the way"""
+MOVED_SAYS = (
+    "its own set-point ({:04X}) has moved by {:+.1f} mm while it should stand: another program commands it, and its "
+    "encoder does not show it"
+)
+DEMANDS = (0x6062, Mappable.TARGET_POSITION.index)
+"""where a drive wants to be by now; of drives without the first, where it was told to go"""
 BETWEEN = 0.03
 """s from the answer to the sample that it is compared with: several SYNCs later"""
 BELIEVED = 5.0
@@ -69,8 +76,12 @@ class HealthPoll:
         temperature: TemperatureObject | None,
         sto: Signal | None = None,
         kept: Callable[[], Sequence[Setting]] = tuple,
+        standing: Callable[[], Trajectory | None] = lambda: None,
     ) -> None:
-        """kept: what it must hold as it was written, as long as it works; looked at in turn."""
+        """kept: what it must hold as it was written, as long as it works; looked at in turn.
+
+        standing: the command by which it has long been at rest, with power.
+        """
         self._scale = scale
         self._sto = sto if sto is not None and link.sdo.knows(INPUTS) else None
         self._link = link
@@ -78,17 +89,23 @@ class HealthPoll:
         self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
         self._follows = link.sdo.knows(Mappable.FOLLOWING_ERROR.index)
         self._newest = NOTHING_TOLD
-        self._doubt = self._changed = ""
+        self._doubt = self._changed = self._moved = ""
         self._kept, self._turn = kept, 0
+        self._standing = standing
+        self._demand = next((index for index in DEMANDS if link.sdo.knows(index)), None)
+        self._wanted: tuple[Trajectory, int, int] | None = None
+        """its set-point and its encoder (counts) when they were first asked for under a command to stand"""
+        self.blind = False
+        """whether its encoder was contradicted: what it shows since proves nothing"""
 
     @property
     def doubt(self) -> str:
         """Why its samples are no sign that it can be stopped, in words; empty where nothing is wrong.
 
-        It has answered neither the newest question nor its repetition (`SdoChannel.read`), its samples are old, or what
-        its stops rest on has been changed.
+        It has answered neither the newest question nor its repetition (`SdoChannel.read`), its samples are old, its
+        set-point is somebody else's, or what its stops rest on has been changed.
         """
-        return (self._doubt or self._changed) if self._link.brought_up else ""
+        return (self._doubt or self._moved or self._changed) if self._link.brought_up else ""
 
     def believed(self) -> Health:
         """The newest answers, or an empty value where they are too old."""
@@ -101,10 +118,12 @@ class HealthPoll:
         while True:
             await self._clock.sleep(COMPARED_EVERY - BETWEEN)
             if not self._link.brought_up:
-                self._doubt = self._changed = ""
+                self._doubt = self._changed = self._moved = ""
+                self.blind = False
                 continue
             try:
                 self._doubt = await self._compare()
+                self._moved = self._moved or await self._look_at_demand()
                 if self._clock.now() >= due:
                     due = self._clock.now() + PERIOD
                     await self._round()
@@ -131,7 +150,34 @@ class HealthPoll:
             return ""
         if any(abs(wrap32(told - sample.position)) <= allowed for sample in (before, after)):
             return ""
+        self.blind = True
         return OLD_SAYS.format(1e3 * (self._scale.length(told) - self._scale.length(after.position)))
+
+    async def _look_at_demand(self) -> str:
+        """How far its set-point has moved since it was told to stand; empty where it has not, or its encoder follows.
+
+        Then the guards see that. A following error is caught up within `BETWEEN`.
+        """
+        command, sample = self._standing(), self._link.values
+        if command is None or sample is None or self._demand is None:
+            return ""
+        told = await self._number(self._demand, 0)
+        if told is None:
+            self._demand = None
+            return ""
+        if self._standing() is not command:
+            return ""
+        if self._wanted is None or self._wanted[0] is not command:
+            self._wanted = command, told, sample.position
+        moved = wrap32(told - self._wanted[1])
+        if abs(moved) <= self._scale.magnitude(OLD):
+            return ""
+        await self._clock.sleep(BETWEEN)
+        sample = self._link.values or sample
+        if 2.0 * wrap32(sample.position - self._wanted[2]) / moved >= 1.0:
+            return ""
+        self.blind = True
+        return MOVED_SAYS.format(self._demand, 1e3 * self._scale.velocity(moved))
 
     async def _look_at_one(self) -> str:
         """What one of its settings is by now; empty where it is as it was written: then the next has its turn."""

@@ -146,18 +146,18 @@ class NodeLink:
         """One remote frame that asks for the node's state; a drive that gets none stops by itself (100C, 100D)."""
         self._transport.ask(0x700 + self.node_id)
 
-    def send_controlword(self, word: int, target: int) -> None:
+    def send_controlword(self, word: int, target: int, *, both_ways: bool = False) -> None:
         """One frame with a controlword, never waiting for an answer.
 
         By RPDO while the node is operational with our mapping; otherwise RPDOs are ignored, and it goes as a single
-        expedited SDO download, whose answer is not waited for.
+        expedited SDO download, whose answer is not waited for. both_ways: it does so in any case.
         """
         if self.takes_pdos:
             rpdo = self.layout.rpdo
             if not rpdo.carries("TARGET_POSITION"):
                 self.send_target(target)  # first: the drive acts on the controlword at once
             self._command(rpdo, word, target)
-        else:
+        if both_ways or not self.takes_pdos:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
             self.twins.asked()
             self.refusal = ""

@@ -234,6 +234,7 @@ def _guard_settings(guards: GuardsTable, base: GuardSettings, window: float) -> 
         overload=guards.tension.overload,
         hysteresis=guards.tension.hysteresis,
         tension_for=guards.tension.lasting,
+        slack_handled=guards.tension.handled,
         marker_for=guards.marker.lasting,
         motion=guards.motion.allowed,
         motion_late=guards.motion.late,

@@ -18,6 +18,8 @@ Overload = Annotated[float, Field(ge=1, le=3)]
 """part of the upper one"""
 TensionFor = Annotated[float, Field(ge=0, le=5)]
 """s"""
+SlackHandled = Annotated[float, Field(gt=0, le=60)]
+"""s: whoever carries a platform by hand carries it as far as its cables are slack"""
 MarkerFor = Annotated[float, Field(gt=0, le=60)]
 """s"""
 MarkerOff = Annotated[float, Field(gt=0, le=0.2)]
@@ -69,6 +71,7 @@ class TensionGuardTable(Table):
     overload: Overload = 1.25
     hysteresis: NotNegative = 2.0
     lasting: TensionFor = 0.1
+    handled: SlackHandled = 2.0
 
 
 class MarkerGuardTable(Table):

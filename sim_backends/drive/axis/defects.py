@@ -27,6 +27,8 @@ class Defects:
     """6064 keeps the value that it has"""
     speed_frozen: bool = False
     """606C does"""
+    demand_frozen: bool = False
+    """6062 does: the motor runs away, and the drive does not want it to"""
     enables_itself: bool = False
     """some tenths of a second after a stop it is in OPERATION ENABLED again"""
     stops_in_words: bool = False

@@ -32,6 +32,7 @@ class Feedback:
         self._defects = defects or Defects()
         self._frozen: int | None = None
         self._frozen_speed: int | None = None
+        self._frozen_demand: int | None = None
         self._shaft = shaft
         self._positioner = positioner
         self._strayed_since: float | None = None
@@ -74,7 +75,12 @@ class Feedback:
     def demand(self) -> int:
         """6062, counts."""
         ahead = self.servo_lag * self.motion.velocity
-        return _wrap(self._positioner.demand(self.now).position + ahead + self.reference)
+        demand = _wrap(self._positioner.demand(self.now).position + ahead + self.reference)
+        if not self._defects.demand_frozen:
+            return demand
+        if self._frozen_demand is None:
+            self._frozen_demand = demand
+        return self._frozen_demand
 
     def velocity(self) -> int:
         """606C, counts/s or the maker's unit."""

@@ -166,7 +166,25 @@ def test_a_drive_that_halts_alone(rehearsal, fault):
 
 @pytest.mark.fault(
     "drives",
-    "an encoder is frozen in place and speed while its drum pays out at 0.05 m/s, with a person at the platform",
+    "another program turns a drum whose encoder is frozen in place and speed, while a hand carries the platform",
+    reaction="quick stop",
+    within=0.3,
+    says="its own set-point (6062) has moved by +",
+    window="none was open",
+    held=False,
+)
+def test_a_set_point_that_moves_behind_a_frozen_encoder(rehearsal, fault):
+    def strike(stage):
+        defects = stage.drive(3).defects
+        defects.encoder_frozen = defects.speed_frozen = True
+        stage.spin(3, 0.05, unseen=True)
+
+    fault.strikes(rehearsal, strike, step="Ask", after=2.0)
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drum pays out at 0.05 m/s and nothing of its drive shows it, with a person at the platform",
     reaction="quick stop",
     within=1.0,
     says="mm longer than its encoder says",
@@ -176,7 +194,7 @@ def test_a_drive_that_halts_alone(rehearsal, fault):
 def test_an_encoder_that_is_frozen_while_its_drum_turns(rehearsal, fault):
     def strike(stage):
         defects = stage.drive(2).defects
-        defects.encoder_frozen = defects.speed_frozen = True
+        defects.encoder_frozen = defects.speed_frozen = defects.demand_frozen = True
         stage.spin(2, 0.05, unseen=True)
 
     fault.strikes(rehearsal, strike, step="Ask", after=0.3)
@@ -249,7 +267,7 @@ def test_a_drive_without_voltage(rehearsal, fault):
     window="none was open",
 )
 def test_a_drive_whose_stop_is_changed(rehearsal, fault, index, sub, value):
-    fault = replace(fault, held=sub == 0)  # one that hears no RPDO is stopped by NMT
+    """One that hears no RPDO is stopped by SDO."""
     fault.strikes(rehearsal, lambda stage: stage.write_sdo(2, index, value, sub, unseen=True), step="Ask", after=0.1)
 
 

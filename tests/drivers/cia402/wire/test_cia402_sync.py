@@ -62,6 +62,14 @@ def test_after_a_loss_dates_are_right_again_within_half_a_second(lost: list[tupl
         assert wrong(found) == []
 
 
+@pytest.mark.parametrize("away", [10, 30, 60])
+def test_after_a_cut_dates_are_right_again_the_sooner_the_longer_it_was(away: int) -> None:
+    """Samples of 0.12 s ago were "too old to be believed" for half a second."""
+    events = [event for k in range(1, 500) for event in (k, *([] if 100 <= k < 100 + away else frames(k)))]
+    found, _ = played(events)
+    assert max(wrong(found), default=0) <= 100 + away + 1.0 / away / PERIOD + 1
+
+
 def test_a_long_silence_is_forgotten() -> None:
     """A drive that said nothing for 2000 SYNCs: what it says then is not dated into the past."""
     silent = [*range(100, 2100)]

@@ -19,6 +19,7 @@ GUARDS = {
     "overload": ("tension", "overload"),
     "hysteresis": ("tension", "hysteresis"),
     "tension_for": ("tension", "lasting"),
+    "slack_handled": ("tension", "handled"),
     "marker_for": ("marker", "lasting"),
     "motion": ("motion", "allowed"),
     "motion_late": ("motion", "late"),
