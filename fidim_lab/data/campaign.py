@@ -12,6 +12,7 @@ from pydantic import Field
 
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.files.toml_file import Name, Table, read_toml
+from fidim_lab.data.own_sensors import RATES
 from fidim_lab.data.records import Alignment, Campaign, Role, Window
 from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
 from fidim_lab.data.rigs.alignment_file import at_exposures, read_alignment
@@ -184,8 +185,8 @@ def _unit(ratio: float) -> str:
 
 
 def _check_seen(path: Path, columns: WindowColumns) -> None:
-    """Raises FileError where nothing shows the pose: no marker, no swivel; or a cable's length is not above zero."""
-    if np.isnan(columns.markers).any(axis=2).all() and "s1" not in columns.further:
+    """Raises FileError where nothing shows a motion: no marker, swivel or gyroscope; or a length is not above zero."""
+    if np.isnan(columns.markers).any(axis=2).all() and not {"s1", *RATES} & {*columns.further}:
         raise FileError(path, "x, y, z", "no marker is in any sample")
     lengths = columns.lengths
     if lengths is not None and (lengths <= 0.0).any():

@@ -2,8 +2,10 @@
 
     s1 … sn                   swivel angles of the pulleys, rad (σ of spec/model.md §1, each with a constant of its own)
     incl_x, incl_y[, incl_z]  inclinometer or IMU on the platform: rotations about the world's x, then y, then z, rad
+    rate_x, rate_y, rate_z    gyroscope on the platform: angular rate about the body's axes, rad/s, with its bias
 
-`own_sensors` finds them; what they mean for the pose is in `identification.motion.pose_sources`.
+`own_sensors` finds the first two; what they mean for the pose is in `identification.motion.pose_sources`. A gyroscope
+shows no pose: `angular_rates` of windows without markers are fitted as they are (`identification.mle.by_rates`).
 """
 
 from dataclasses import dataclass
@@ -58,3 +60,20 @@ def own_sensors(window: Window, cables: int) -> OwnSensors:
     swivels = np.column_stack([window.further[name] for name in names])
     inclination = np.column_stack([window.further[name] for name in axes]) if axes else np.empty((len(window.t), 0))
     return OwnSensors(window.lengths, swivels, inclination)
+
+
+RATES = ("rate_x", "rate_y", "rate_z")
+"""columns of a gyroscope"""
+
+
+def has_rates_alone(window: Window) -> bool:
+    """Whether a gyroscope is all that shows the motion."""
+    return all(name in window.further for name in RATES) and not np.isfinite(window.markers).any()
+
+
+def angular_rates(window: Window) -> np.ndarray:
+    """(N, 3) rad/s of the window's gyroscope, whole samples or NaN; all NaN where it has none."""
+    if not all(name in window.further for name in RATES):
+        return np.full((len(window.t), 3), np.nan)
+    found = np.column_stack([window.further[name] for name in RATES])
+    return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.nan)

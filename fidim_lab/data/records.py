@@ -105,6 +105,8 @@ class Sensors:
     """m, one standard deviation of a marker component"""
     encoder_resolution: float = 2e-5
     """m of cable length for one encoder step"""
+    gyro_noise: float = 3e-3
+    """rad/s, one standard deviation of an angular rate as the windows have it"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,7 @@ class SensorsTable(Table):
 
     marker_noise: Positive = 1e-4
     encoder_resolution: Positive = 2e-5
+    gyro_noise: Positive = 3e-3
 
 
 class WinchTable(Table):
@@ -196,7 +197,7 @@ def _robot(table: RobotTable) -> Robot:
         extra_markers=tuple(np.array(m) for m in platform.extra_markers),
         gravity=np.array(table.gravity),
         limits=Limits(table.limits.tension, table.limits.free_displacement),
-        sensors=Sensors(table.sensors.marker_noise, table.sensors.encoder_resolution),
+        sensors=Sensors(**table.sensors.model_dump()),
         winches=None if winches is None else tuple(WinchTorque(**w.model_dump()) for w in winches),
         survey=_survey(table),
     )
@@ -236,6 +237,7 @@ def _table(robot: Robot) -> dict[str, object]:
         "sensors": {
             "marker_noise": robot.sensors.marker_noise,
             "encoder_resolution": robot.sensors.encoder_resolution,
+            **({} if robot.sensors.gyro_noise == Sensors.gyro_noise else {"gyro_noise": robot.sensors.gyro_noise}),
         },
     }
     if robot.winches is not None:

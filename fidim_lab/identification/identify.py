@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.errors import SetupError
 from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.cleaning.free_motion import were_used, window_count
 from fidim_lab.identification.cleaning.low_pass import low_passed
@@ -19,6 +20,7 @@ from fidim_lab.identification.equations.slackness import slack_notes
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.input_check import check
 from fidim_lab.identification.mle import identify as mle
+from fidim_lab.identification.mle.by_rates import identify_by_rates, shown_by_rates
 from fidim_lab.identification.motion.recipe import BEST, Recipe
 from fidim_lab.identification.results.result import (
     IdentificationResult,
@@ -54,6 +56,13 @@ def identify(
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
+    if shown_by_rates(campaign):
+        if method is not Method.MLE:
+            raise SetupError(
+                f"--method {method} needs the pose of every sample, and a gyroscope shows none.",
+                hint="Leave --method out: maximum likelihood fits angular rates as they are.",
+            )
+        return identify_by_rates(campaign, native=native, predict=checks.predict)
     notes = check(campaign)
     recordings = clean_recordings(campaign).recordings
     clocks = two_clocks(campaign)

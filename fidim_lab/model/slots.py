@@ -10,6 +10,7 @@ kg: `contributions` and `Mechanism` divide by the robot's mass where the model c
     kinetic_energy  inertia that the platform drags along
     extra_*         states of its own                  stalk           what a marker stands on
     marker, seen, true_time   what the cameras make of it
+    rate_read       what a gyroscope makes of it
 """
 
 from collections.abc import Sequence
@@ -192,3 +193,8 @@ class Effect:
         """When a frame with this stamp (s since the start of the window) was really taken, s."""
         del theta
         return stamp
+
+    def rate_read(self, rate: ca.SX, theta: ca.SX) -> ca.SX:
+        """What a gyroscope on the platform reads for an angular rate (3), rad/s, both in the body's axes."""
+        del theta
+        return rate

@@ -101,6 +101,11 @@ class Plant:
         return pose_of(self.world, self._motion.x)
 
     @property
+    def rate(self) -> Vector3:
+        """True angular rate now about the body's axes, rad/s."""
+        return self._motion.x[TWIST][3:].copy()
+
+    @property
     def slack(self) -> tuple[SlackInterval, ...]:
         """When which cable did not pull, since the platform was placed."""
         return self._motion.slack.intervals()

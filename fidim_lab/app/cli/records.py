@@ -36,11 +36,22 @@ from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
 @click.option("--log-map", type=FOLDER, help="File that says what each column of the logs is (fidim-log/1).")
 @click.option("--topic", "topics", multiple=True, metavar="PATTERN", help="mcap, ros2-bag: topics to read.")
 @click.option("--up", type=click.Choice(["x", "y", "z"]), help="The file's axis that points upwards.")
-@click.option("--unit", type=click.Choice(["m", "cm", "mm", "in"]), help="The file's unit of length.")
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm", "in", "rad/s", "deg/s"]),
+    help="The file's unit of length; of angular rates for gyro.",
+)
 @click.option("--rate", type=Number(0, min_open=True), metavar="HZ", help="The file's frame rate.")
 @click.option("--order", metavar="A,B,C", help="Names of the file's markers, in the order of the robot file.")
 @click.option("--body", metavar="NAME", help="Use the poses of this rigid body instead of the markers.")
 @click.option("--cables", metavar="2,1,…", help="Which of the log's cables are the robot file's 1, 2, …")
+@click.option(
+    "--lengths",
+    multiple=True,
+    metavar="M,M",
+    help="gyro: length of each cable by tape, m; once for all files, or once for each.",
+)
+@click.option("--axes", metavar="x,y,z", help="gyro: the phone's axes that point along x, y, z of the body.")
 @click.option("--json", "json_file", type=OUT_FILE, help="Write what was found as JSON.")
 @example(
     "fidim import irma4u recordings/irma4u --out real\n"
@@ -63,19 +74,22 @@ def import_(
     order: str | None,
     body: str | None,
     cables: str | None,
+    lengths: tuple[str, ...],
+    axes: str | None,
     json_file: Path | None,
 ) -> None:
     """Turn other labs' recordings of KIND into a campaign folder.
 
-    KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, qtm-mat, trc, c3d, mcap, ros2-bag, csv. Several
-    files become one campaign, which has the windows of free motion found in each of them.
+    KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, qtm-mat, trc, c3d, mcap, ros2-bag, csv,
+    gyro (a phone on a pendulum). Several files become one campaign, which has the windows of free motion found in each
+    of them.
     """
     from fidim_lab.app.records.import_kinds import ImportOptions, cable_numbers, import_kind_command
     from fidim_lab.data.importers.takes import Asked
 
     names = tuple(name.strip() for name in order.split(",")) if order else ()
     asked = Asked(up, unit, names, body, rate, cable_numbers(cables) if cables else ())
-    options = ImportOptions(robot, takes, map_file, logs, log_map, topics, asked)
+    options = ImportOptions(robot, takes, map_file, logs, log_map, topics, asked, lengths, axes)
     sys.exit(import_kind_command(kind, sources, out, options, json_file))
 
 

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fidim_lab.app.records.import_gyro import GYRO, GyroOptions, import_gyro_command
 from fidim_lab.app.records.import_logs import match
 from fidim_lab.app.records.import_recording import import_command
 from fidim_lab.app.records.import_takes import JOURNAL, import_takes_command
@@ -18,6 +19,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import refuse_taken
 from fidim_lab.data.importers.c3d_file import read_c3d
 from fidim_lab.data.importers.grab import read_grab
+from fidim_lab.data.importers.gyro_csv import RATE_UNITS
 from fidim_lab.data.importers.map_proposal import proposed_map
 from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.motive_csv import read_motive
@@ -66,12 +68,19 @@ class ImportOptions:
     log_map: Path | None = None
     topics: tuple[str, ...] = ()
     asked: Asked = field(default_factory=Asked)
+    lengths: tuple[str, ...] = ()
+    axes: str | None = None
+    """these two of a gyroscope alone"""
 
 
 def import_kind_command(
     kind: str, sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None
 ) -> int:
     """Import by kind. Returns the exit code; raises FidimError."""
+    if kind == GYRO:
+        return _import_gyro(sources, out, options, json_file)
+    if options.lengths or options.axes is not None or options.asked.unit in RATE_UNITS:
+        raise SetupError(f"--lengths, --axes and units of angular rates belong to {GYRO}.")
     if kind != MAPPED and options.map_file is not None:
         raise SetupError(f"--map belongs to {MAPPED}, not to {kind}.")
     if kind == MAPPED and options.map_file is None:
@@ -97,9 +106,20 @@ def import_kind_command(
     if options.takes is not None:
         raise SetupError("--takes can only be used with grab, and with kinds whose files are takes.")
     if kind not in READERS:
-        known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab"]))
+        known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab", GYRO]))
         raise SetupError(f"No recording of kind {kind!r} is known.", hint=f"Known kinds: {known}.")
     return import_command(kind, list(sources), out, json_file)
+
+
+def _import_gyro(sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None) -> int:
+    """A phone's recordings. Raises FidimError."""
+    rest = replace(options, robot=None, takes=None, lengths=(), axes=None, asked=replace(options.asked, unit=None))
+    if rest != ImportOptions() or options.robot is None:
+        raise SetupError(f"{GYRO} needs --robot and --lengths, and takes --axes, --unit and --takes beside them alone.")
+    files = _files(GYRO, sources, options.takes)
+    return import_gyro_command(
+        files, out, GyroOptions(options.robot, options.lengths, options.axes, options.asked.unit), json_file
+    )
 
 
 def _unmapped(path: Path) -> SetupError:

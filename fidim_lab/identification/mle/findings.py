@@ -261,17 +261,17 @@ def _unpredicted(window: WindowVerdict) -> bool:
 
 def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str]:
     said: list[str] = []
-    declared = found.likelihood.noise
+    declared, sensor = found.likelihood.noise, found.likelihood.sensor
     if found.noise_ratio > 1.25 or found.noise_ratio < 0.8:
         said.append(
-            f"{OTHER_NOISE} {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
-            f"{declared * 1e3:.3g} mm (sensors, marker_noise)."
+            f"{OTHER_NOISE.replace('marker', sensor.name)} {found.noise_ratio * declared * 1e3:.3g} {sensor.unit}, the "
+            f"robot file says {declared * 1e3:.3g} {sensor.unit} (sensors, {sensor.key})."
         )
     if not found.explained:
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
-            f"χ²/dof is {plain(found.chi2_per_dof)}: besides noise, {left:.2g} mm rms are left that the model does "
-            f"not explain. {SOMETHING} (fidim explain)."
+            f"χ²/dof is {plain(found.chi2_per_dof)}: besides noise, {left:.2g} {sensor.unit} rms are left that the "
+            f"model does not explain. {SOMETHING} (fidim explain)."
         )
     coloured = {
         recording.window.id: f"{recording.window.id} ({left.whiteness:.0f})"

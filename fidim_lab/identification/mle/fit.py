@@ -26,10 +26,12 @@ from fidim_lab.identification.mle.starts.start import Guess, as_states, first_gu
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.trajectories.normal import Prior, reduced
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, ROUGH, Ending, optimise
+from fidim_lab.identification.mle.trajectories.rate_likelihood import RateLikelihood
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.identification.mle.trajectories.stages import EARLY, FAR_PRIOR, HORIZONS, TRUSTED, Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.rates import reads_rates
 from fidim_lab.model.sensitivity.starts import tied
 from fidim_lab.model.slots import Effect
 
@@ -280,6 +282,8 @@ def likelihood_of(
     """What was recorded, with the noise of the sensors, and the first guesses made whole."""
     begins = np.array([recording.begin for recording in recordings])
     states = tied(mechanism, shared, as_states(guesses), begins) if mechanism.springs else as_states(guesses)
+    if reads_rates(mechanism):
+        return RateLikelihood(mechanism, recordings, states, sensors.gyro_noise, sensors.encoder_resolution)
     return Likelihood(
         mechanism,
         recordings,
@@ -304,7 +308,7 @@ def _guessed(
     unused: dict[str, str] = {}
     for window in windows:
         try:
-            recordings.append(prepare(window, mechanism.robot))
+            recordings.append(prepare(window, mechanism.robot, rates=reads_rates(mechanism)))
         except RefusedError as refusal:
             unused[window.id] = str(refusal)
     found = first_guesses(mechanism, body, recordings, theta)

@@ -27,6 +27,8 @@ FORETOLD = replace(ON_TRIAL, creep=0.1, idle=0.1)
 """what is far off is not followed to the last digit, nor what the window hardly tells"""
 GLANCE = replace(FORETOLD, resolution=QUICK, idle=1.0)
 """the same, to choose among starts"""
+GROWING, AT_ONCE = (FORETOLD, HORIZONS), (replace(GLANCE, promise=0.3), (1e6,))
+"""how hard to try, and by which horizons"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,39 +70,53 @@ def predict_all(
     recordings: Sequence[FollowedSamples],
     sensors: Sensors,
     guesses: Sequence[Guess | RefusedError] | None = None,
+    *,
+    near: bool = False,
 ) -> tuple[HeldOutPrediction | RefusedError, ...]:
     """The same for many recordings, far sooner than one by one; for each its prediction, or why there is none.
 
     What they share is held, so each is fitted as if it were alone: one that cannot be followed leaves the others be.
+    near: the guesses are about right, and χ² is asked for to a unit only: full length at once.
     """
     if guesses is None:
         guesses = first_guesses(mechanism, Body.from_vector(shared[:BODY]), recordings, shared[BODY:])
     begun = [(r, g) for r, g in zip(recordings, guesses, strict=True) if isinstance(g, Guess)]
-    found = iter(_predicted(mechanism, shared, begun, sensors))
+    found = iter(_predicted(mechanism, shared, begun, sensors, near=near))
     return tuple(next(found) if isinstance(guess, Guess) else guess for guess in guesses)
 
 
 def _predicted(
-    mechanism: Mechanism, shared: np.ndarray, begun: Sequence[tuple[FollowedSamples, Guess]], sensors: Sensors
+    mechanism: Mechanism,
+    shared: np.ndarray,
+    begun: Sequence[tuple[FollowedSamples, Guess]],
+    sensors: Sensors,
+    *,
+    near: bool = False,
 ) -> list[HeldOutPrediction | RefusedError]:
     if not begun:
         return []
     recordings = tuple(recording for recording, _ in begun)
     likelihood = likelihood_of(mechanism, shared, recordings, [guess for _, guess in begun], sensors)
     start = _start(likelihood, shared)
-    journey = None if start is None else _fitted(likelihood, shared, start)
+    journey = None if start is None else _fitted(likelihood, shared, start, *(AT_ONCE if near else GROWING))
     if journey is not None:
         return [_prediction(likelihood, journey, w) for w in range(len(begun))]
     if len(begun) == 1:
         says = f"Window {recordings[0].window.id}: its motion cannot be simulated with these parameters."
         return [RefusedError(says)]
-    return [_predicted(mechanism, shared, [one], sensors)[0] for one in begun]
+    return [_predicted(mechanism, shared, [one], sensors, near=near)[0] for one in begun]
 
 
-def _fitted(likelihood: Likelihood, shared: np.ndarray, states: States, effort: Effort = FORETOLD) -> Journey | None:
+def _fitted(
+    likelihood: Likelihood,
+    shared: np.ndarray,
+    states: States,
+    effort: Effort = FORETOLD,
+    horizons: tuple[float, ...] = HORIZONS,
+) -> Journey | None:
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
-    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, effort)
+    return grow(likelihood, Point(shared, states), nothing, held, horizons, effort)
 
 
 def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:

@@ -20,7 +20,9 @@ from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.spread import LOOSE_COMBINATION
+from fidim_lab.identification.mle.starts.start import Guess
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.rates import reads_rates
 
 FAR = 10.0
 """standard deviations: the highest of some hundred peaks of noise in a few windows rises to 5 or 6"""
@@ -48,7 +50,7 @@ def tried_out(found: Fit) -> Fit:
     gone = (found.values[:BODY] - found.start.vector) / plausible
     doubt = np.zeros((BODY, BODY))
     for value, axis in zip(values, axes.T, strict=True):
-        if not _excluded(found, FAR * np.sqrt(value) * axis * plausible, here):
+        if value < OPEN**2 and not _excluded(found, FAR * np.sqrt(value) * axis * plausible, here):
             size = np.hypot(OPEN, axis @ gone)
             doubt += size**2 * np.outer(axis * plausible, axis * plausible)
     return replace(found, doubt=doubt) if doubt.any() else found
@@ -80,8 +82,16 @@ def _left(found: Fit, shared: Float[np.ndarray, " shared"]) -> float:
     recordings = [one.until(float(end)) for one, end in zip(likelihood.recordings, ends, strict=True)]
     sensors: Sensors = replace(likelihood.mechanism.robot.sensors, marker_noise=likelihood.noise)
     total = float((found.prior.rows(shared)[:, -1] ** 2).sum())
-    for one in held_out.predict_all(likelihood.mechanism, shared, recordings, sensors):
+    near = reads_rates(likelihood.mechanism)  # first rates tell a state far less well than first markers do
+    guesses = _states(found) if near else None
+    for one in held_out.predict_all(likelihood.mechanism, shared, recordings, sensors, guesses, near=near):
         if isinstance(one, RefusedError) or one.lost:
             return np.inf
         total += one.remainder.chi2
     return total
+
+
+def _states(found: Fit) -> list[Guess]:
+    """Those of the windows at the optimum."""
+    states = found.journey.optimum.point.states
+    return [Guess(*one, 0.0) for one in zip(states.positions, states.rotations, states.twists, strict=True)]

@@ -8,6 +8,7 @@ influence here and stays unidentified.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -20,8 +21,9 @@ from fidim_lab.model.motion.contributions import extra_count, marker_at, seen_at
 from fidim_lab.model.motion.equations import Symbols
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories
-from fidim_lab.model.sensitivity.markers import at_nodes, between, hermite, swung, swung_by
+from fidim_lab.model.sensitivity.markers import Nodal, at_nodes, between, hermite, swung, swung_by, varied_at_nodes
 from fidim_lab.model.sensitivity.sampling import AXES
+from fidim_lab.model.sensitivity.variation import Variations
 from fidim_lab.model.slots import Effect, PlatformState
 
 SLOTS = ("marker", "stalk", "seen", "true_time")
@@ -31,6 +33,49 @@ SHIFT = 1e-4
 """s, over which velocities are differences"""
 INVERSIONS = 6
 """fixed-point steps from a reported to a real point: each gains a factor of the (small) turn"""
+
+
+class MotionSensor(Protocol):
+    """Sensors at one θ: cameras (`MarkerMeasurement`) or a gyroscope (`rates.RateMeasurement`)."""
+
+    def latest(self, end: float) -> float:
+        """True time (s) until which a motion must be known for stamps up to `end`."""
+        ...
+
+    def at_nodes(self, trajectories: Trajectories, markers: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "W N ..."]:
+        """What `seen` needs of the motions at their nodes; markers as in the robot file, m."""
+        ...
+
+    def varied_at_nodes(
+        self, trajectories: Trajectories, by: Variations, markers: Float[np.ndarray, "M 3"]
+    ) -> Float[np.ndarray, "W N ..."]:
+        """Derivatives of `at_nodes` by the P columns of the variations."""
+        ...
+
+    def seen(
+        self,
+        nodal: Float[np.ndarray, "N ..."],
+        count: int,
+        grid: Grid,
+        stamps: Series,
+        begin: float,
+        extra: Float[np.ndarray, " extra"] | None = None,
+    ) -> Float[np.ndarray, "T M 3"]:
+        """What is read at stamps, s since the recording's `begin`."""
+        ...
+
+    def seen_by(
+        self,
+        trajectories: Trajectories,
+        place: int,
+        markers: Float[np.ndarray, "M 3"],
+        varied: Float[np.ndarray, "N ..."],
+        stamps: Series,
+        begin: float,
+        extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
+    ) -> Float[np.ndarray, "T M 3 P"]:
+        """Derivatives of `seen` for the window at `place` of a batch."""
+        ...
 
 
 def measures(effect: Effect) -> bool:
@@ -58,6 +103,16 @@ class MarkerMeasurement:
     def followed(self, markers: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "K 3"]:
         """Points of the body that `seen` needs at the nodes: `places`, then the body's axes where markers swing."""
         return np.concatenate([self.places(markers), AXES]) if self.swings else self.places(markers)
+
+    def at_nodes(self, trajectories: Trajectories, markers: Float[np.ndarray, "M 3"]) -> Nodal:
+        """What `seen` needs of the motions at their nodes."""
+        return at_nodes(trajectories, self.followed(markers))
+
+    def varied_at_nodes(
+        self, trajectories: Trajectories, by: Variations, markers: Float[np.ndarray, "M 3"]
+    ) -> Float[np.ndarray, "W N 3 K 3 P"]:
+        """Derivatives of `at_nodes`."""
+        return varied_at_nodes(trajectories, by, self.followed(markers))
 
     def places(self, markers: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "M 3"]:
         """Where these markers of the robot file really are, body frame, m."""

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, RefusedError
+from fidim_lab.identification.mle.starts.by_rates import Begin, begins_by_rates
 from fidim_lab.identification.mle.starts.start_poses import (
     Poses,
     Targets,
@@ -31,6 +32,7 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import States
 from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
+from fidim_lab.model.sensitivity.rates import reads_rates
 from fidim_lab.model.sensitivity.starts import Starts, tied
 from fidim_lab.model.statics import Equilibrium
 
@@ -112,6 +114,9 @@ def first_guesses(
 ) -> tuple[Guess | RefusedError, ...]:
     """The same for many windows, far sooner than one by one; for each its guess, or why there is none."""
     shared = np.concatenate([body.vector, mechanism.theta if theta is None else theta])
+    if reads_rates(mechanism):
+        begins = begins_by_rates(mechanism, body, recordings)
+        return tuple(_tied(mechanism, shared, one) if isinstance(one, tuple) else one for one in begins)
     openings = [_opening(mechanism, recording, shared) for recording in recordings]
     usable = [opening for opening in openings if opening.seen.any()]
     rests = _rests(mechanism, body, usable)
@@ -145,6 +150,12 @@ def _guess(opening: _Opening, pose: Pose, twist: np.ndarray) -> Guess | RefusedE
         f"{CONTRADICTION * 1e3:.0f} mm ({misfit * 1e3:.0f} mm are left).",
         hint="Check the order of the cables, the zero of the encoders, and the units of the markers.",
     )
+
+
+def _tied(mechanism: Mechanism, shared: np.ndarray, begin: Begin) -> Guess:
+    """A begin with the nearest twist that the cables allow."""
+    states = States(*(part[np.newaxis] for part in begin))
+    return Guess(*begin[:2], tied(mechanism, shared, states, np.zeros(1)).twists[0], 0.0)
 
 
 def _unseen(opening: _Opening) -> RefusedError:

@@ -14,21 +14,21 @@ from collections import ChainMap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from fidim_lab.arrays import Series
 from fidim_lab.data.records import Body
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, body_markers, in_batches, rows_of
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.integrate import States, Trajectories, integrate
-from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
+from fidim_lab.model.sensitivity.measurement import MarkerMeasurement, MotionSensor
 from fidim_lab.model.sensitivity.starts import (
     Starts,
     linearised_starts,
@@ -64,10 +64,22 @@ class SpringPrior:
     """m/s of stretch, about 0"""
 
 
+@dataclass(frozen=True)
+class SensorWords:
+    """How messages call what shows the motion."""
+
+    name: str
+    unit: str
+    """a thousandth of which the noise is stated in"""
+    key: str
+    """of its noise in a robot file"""
+
+
 @dataclass(frozen=True, eq=False)
 class Likelihood:
     """What was recorded, and how well it is known."""
 
+    sensor: ClassVar[SensorWords] = SensorWords("marker", "mm", "marker_noise")
     mechanism: Mechanism
     recordings: tuple[FollowedSamples, ...]
     guesses: States
@@ -81,8 +93,11 @@ class Likelihood:
     shape: Float[np.ndarray, "M 3 3"] | None = None
     """for each marker, by which its noise becomes even; None where it is (`noise_shape`)"""
 
-    def whitened(self, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T M 3"]) -> Float[np.ndarray, "K ..."]:
-        """Rows of the recorded coordinates of one window (m, or derivatives) over their noise."""
+    def whitened(
+        self, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T M 3"], t: Series | None = None
+    ) -> Float[np.ndarray, "K ..."]:
+        """Rows of the recorded coordinates of one window (m, or derivatives) over their noise; t: their times, s."""
+        del t
         return self._shaped(rows, seen, self.shape) / self.noise
 
     def coloured(self, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T M 3"]) -> Float[np.ndarray, " K"]:
@@ -95,6 +110,14 @@ class Likelihood:
         whole = np.zeros(seen.shape + rows.shape[1:])
         whole[seen] = rows
         return np.einsum("mij,tmj...->tmi...", shape[: seen.shape[1]], whole)[seen]
+
+    def measurement(self, theta: Float[np.ndarray, " theta"]) -> MotionSensor:
+        """What the sensors make of a motion at one θ."""
+        return MarkerMeasurement(self.mechanism, theta)
+
+    def loose(self, count: int) -> Float[np.ndarray, " count"]:
+        """Standard deviations of what each window begins with about its first guess: pose (6), then free rates."""
+        return np.concatenate([np.full(6, LOOSE_POSE), np.full(count - 6, LOOSE_RATE)])
 
     @property
     def own(self) -> int:
@@ -204,7 +227,7 @@ def simulate(
     fine = _fine_enough(likelihood, point, resolution)
     if fine is None:
         return None
-    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = likelihood.measurement(point.shared[BODY:])
     batches = in_batches(likelihood.recordings, measurement, ends, fine)
     parts = side_by_side([partial(_simulated, likelihood, point, starts, ends, *batch) for batch in batches])
     of_batches = [one for part in parts for one in part]
@@ -240,9 +263,9 @@ def _judged(
 ) -> tuple[_Batch, list[WindowResidual]]:
     """A batch with its residuals."""
     trajectories, robot = batch.trajectories, likelihood.mechanism.robot
-    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = likelihood.measurement(point.shared[BODY:])
     stated = body_markers(likelihood.recordings, robot, batch.members)
-    nodal = markers.at_nodes(trajectories, measurement.followed(stated))
+    nodal = measurement.at_nodes(trajectories, stated)
     residuals: list[WindowResidual] = []
     for place, w in enumerate(int(w) for w in batch.members):
         if trajectories.breaks_down(place, measurement.latest(float(ends[w]))):
@@ -269,7 +292,7 @@ def of_each(likelihood: Likelihood, simulation: Simulation, make: Callable[[Wind
 def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -> Iterator[WindowLinear]:
     """One batch."""
     point, own, starts = simulation.point, likelihood.own, simulation.starts
-    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = likelihood.measurement(point.shared[BODY:])
     by = variations(
         likelihood.mechanism,
         batch.trajectories,
@@ -278,7 +301,7 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         unstretched=rows_of(starts.unstretched_by, batch.members),
     )
     stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
-    nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.followed(stated))
+    nodal = measurement.varied_at_nodes(batch.trajectories, by, stated)
     for place, w in enumerate(batch.members):
         recording = likelihood.recordings[w]
         use, seen = recording.seen_until(simulation.ends[w])
@@ -288,7 +311,7 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
         known = np.isfinite(recording.lengths)
         jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
-        jacobian[: len(by_markers)] = likelihood.whitened(by_markers, seen)
+        jacobian[: len(by_markers)] = likelihood.whitened(by_markers, seen, t)
         lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
         jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
         jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
@@ -314,18 +337,18 @@ def _residual(
     w: int,
     end: float,
     grid: Grid,
-    nodal: Float[np.ndarray, "N 3 K 3"],
+    nodal: Float[np.ndarray, "N ..."],
 ) -> WindowResidual:
     recording = likelihood.recordings[w]
     use, seen = recording.seen_until(end)
-    measurement = MarkerMeasurement(likelihood.mechanism, point.shared[BODY:])
+    measurement = likelihood.measurement(point.shared[BODY:])
     own = None if starts.extra is None else starts.extra[w]
     predicted = measurement.seen(nodal, seen.shape[1], grid, recording.t[use], recording.begin, own)
     known = np.isfinite(recording.lengths)
     guess, at = likelihood.guesses, point.states
     turn = Rotation.from_matrix(guess.rotations[w].T @ at.rotations[w]).as_rotvec()
     away = np.concatenate([at.positions[w] - guess.positions[w], turn, starts.free_twists[w].T @ at.twists[w]])
-    priors = away / _loose(len(away))
+    priors = away / likelihood.loose(len(away))
     if likelihood.springs is not None and at.tensions is not None and starts.rates is not None:
         known_springs = likelihood.springs
         off = (at.tensions[w] - known_springs.tensions[w]) / known_springs.tension_sd[w]
@@ -334,15 +357,11 @@ def _residual(
         astray = np.zeros(starts.extra.shape[1]) if at.astray is None else at.astray[w]
         priors = np.concatenate([priors, astray / spreads(likelihood.mechanism)])
     return WindowResidual(
-        markers=likelihood.whitened((predicted - recording.markers[use])[seen], seen),
+        markers=likelihood.whitened((predicted - recording.markers[use])[seen], seen, recording.t[use]),
         lengths=(starts.lengths[w] - recording.read(yielding_encoders(likelihood.mechanism)))[known]
         / likelihood.resolution,
         loose=priors,
     )
-
-
-def _loose(count: int) -> Float[np.ndarray, " count"]:
-    return np.concatenate([np.full(6, LOOSE_POSE), np.full(count - 6, LOOSE_RATE)])
 
 
 def priors_by(likelihood: Likelihood, starts: Starts, w: int) -> Float[np.ndarray, "priors P"]:
@@ -352,7 +371,7 @@ def priors_by(likelihood: Likelihood, starts: Starts, w: int) -> Float[np.ndarra
     own = np.zeros((likelihood.own, columns))
     own[:, : likelihood.own] = np.eye(likelihood.own)
     last = likelihood.own - len(spread)
-    parts = [own[:loose] / _loose(loose)[:, np.newaxis]]
+    parts = [own[:loose] / likelihood.loose(loose)[:, np.newaxis]]
     if likelihood.springs is not None and starts.rates_by is not None:
         parts.append(own[loose:last] / likelihood.springs.tension_sd[w][:, np.newaxis])
         parts.append(starts.rates_by[w] / likelihood.springs.rate_sd[w][:, np.newaxis])

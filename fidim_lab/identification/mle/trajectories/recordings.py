@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import PerCable, Series
+from fidim_lab.data.own_sensors import angular_rates
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
-from fidim_lab.model.sensitivity.measurement import MarkerMeasurement
+from fidim_lab.model.sensitivity.measurement import MotionSensor
 from fidim_lab.model.side_by_side import cores
 
 BATCH = 12
@@ -76,15 +77,22 @@ class FollowedSamples:
         return replace(self, t=self.t[use], markers=self.markers[use])
 
 
-def prepare(window: Window, robot: Robot) -> FollowedSamples:
-    """The recording of a window. Raises RefusedError, naming the window, where it is too short or in wrong units."""
+def prepare(window: Window, robot: Robot, *, rates: bool = False) -> FollowedSamples:
+    """The recording of a window. Raises RefusedError, naming the window, where it is too short or in wrong units.
+
+    rates: of its gyroscope, whose angular rates (rad/s) stand in the place of a marker's coordinates.
+    """
+    if rates:
+        window = replace(window, markers=angular_rates(window)[:, np.newaxis])
     rows = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
+    what = "an angular rate" if rates else "a marker"
     if len(rows) < FEWEST:
-        raise RefusedError(f"Window {window.id}: {len(rows)} samples hold a marker; at least {FEWEST} are needed.")
+        raise RefusedError(f"Window {window.id}: {len(rows)} samples hold {what}; at least {FEWEST} are needed.")
     t = window.t[rows] - window.t[rows[0]]
     if t[-1] < SHORTEST:
         raise RefusedError(f"Window {window.id} lasts {t[-1]:.2f} s; at least {SHORTEST:g} s are needed.")
-    _refuse_far(window, robot)
+    if not rates:
+        _refuse_far(window, robot)
     if window.lengths_by_poses:
         window = replace(window, lengths=None)
     return FollowedSamples(
@@ -138,7 +146,7 @@ def _refuse_far(window: Window, robot: Robot) -> None:
 
 def in_batches(
     recordings: Sequence[FollowedSamples],
-    measurement: MarkerMeasurement,
+    measurement: MotionSensor,
     ends: Float[np.ndarray, " W"],
     resolution: Resolution,
 ) -> Iterator[tuple[np.ndarray, Grid]]:
