@@ -44,8 +44,17 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
 @click.option(
     "--payload", type=FOLDER, help="Second campaign, with a known payload; together they give the platform's mass."
 )
+@click.option(
+    "--tare", type=FOLDER, help="Campaign of the empty platform: the difference of both bodies is what was put on it."
+)
 @click.option("--mass", type=Number(0, min_open=True), metavar="KG", help="Mass of the payload.")
-@click.option("--mass-sd", type=Number(0), default=0.0, metavar="KG", help="Standard deviation of --mass.")
+@click.option(
+    "--mass-sd",
+    type=Number(0),
+    default=0.0,
+    metavar="KG",
+    help="Standard deviation of --mass; with --tare, of the mass in each robot file.",
+)
 @click.option("--at", metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
 @click.option(
     "--at-sd", type=Number(0), default=0.0, metavar="M", help="Standard deviation of each coordinate of --at."
@@ -63,13 +72,15 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
     "      fidim identify four-cables three-cables two-cables --report joint.html\n"
-    "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05"
+    "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05\n"
+    "      fidim identify loaded --tare empty --json result.json"
 )
 def identify(
     campaigns: tuple[Path, ...],
     method: str | None,
     paper: bool,
     payload: Path | None,
+    tare: Path | None,
     mass: float | None,
     mass_sd: float,
     at: str | None,
@@ -89,10 +100,15 @@ def identify(
 
     campaign, *further = campaigns
     if further:
-        not_with("a second campaign", "method", "paper", "payload", "mass", "mass_sd", "at", "at_sd", "poses")
+        not_with("a second campaign", "method", "paper", "payload", "tare", "mass", "mass_sd", "at", "at_sd", "poses")
         from fidim_lab.app.analysis.identify_jointly import identify_jointly_command
 
         sys.exit(identify_jointly_command(campaigns, json_file, report))
+    if tare is not None:
+        not_with("--tare", "paper", "payload", "mass", "at", "at_sd", "poses")
+        from fidim_lab.app.analysis.tare import tare_command
+
+        sys.exit(tare_command(campaign, tare, mass_sd, method, json_file, report))
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
         source = PoseSource(poses)
         sys.exit(identify_command(campaign, method, json_file, report, paper=paper, poses=source))

@@ -66,6 +66,22 @@ class PayloadTable(_Strict):
     at_sd: float
 
 
+class TareParameter(_Strict):
+    """One parameter of a difference; null where one of the campaigns does not show it."""
+
+    value: float | None
+    sd: float | None
+    seen: bool
+
+
+class TareTable(_Strict):
+    """`tare`: there only after `identify --tare`."""
+
+    campaign: str
+    mass: MassEstimateTable
+    parameters: dict[str, TareParameter]
+
+
 class MassTable(MassEstimateTable):
     """`mass`: there only after `identify --payload`."""
 
@@ -145,6 +161,7 @@ class ResultTable(_Strict):
     removed: tuple[Removed, ...] = ()
     mass: MassTable | None = None
     joint: JointTable | None = None
+    tare: TareTable | None = None
 
     @property
     def body(self) -> Body:
@@ -158,12 +175,13 @@ def write_result(
     *,
     mass: dict[str, object] | None = None,
     joint: dict[str, object] | None = None,
+    tare: dict[str, object] | None = None,
 ) -> None:
     """Write a result whole or not at all.
 
-    mass: what a payload showed; joint: what several campaigns did. Neither is a key of the file where it is None.
+    mass: what a payload showed; joint: what several campaigns did; tare: what was added. None is no key of the file.
     """
-    further = {"mass": mass, "joint": joint}
+    further = {"mass": mass, "joint": joint, "tare": tare}
     table = {**result.to_json(), **{key: value for key, value in further.items() if value is not None}}
     part = path.with_name(path.name + ".part")
     part.write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")

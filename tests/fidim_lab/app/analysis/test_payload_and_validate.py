@@ -52,6 +52,30 @@ def run(*arguments: object) -> int:
     return cli.run([str(argument) for argument in arguments])
 
 
+@pytest.mark.sampled(1)
+def test_what_was_added_is_found(pair: Pair, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    campaign = read_campaign(pair.loaded)
+    write_campaign(tmp_path / "loaded", replace(campaign, robot=replace(campaign.robot, mass=pair.mass + 1.0)))
+    bare = read_campaign(pair.empty)
+    write_campaign(tmp_path / "empty", replace(bare, robot=replace(bare.robot, mass=pair.mass)))
+    path = tmp_path / "result.json"
+    assert run("identify", tmp_path / "loaded", "--tare", tmp_path / "empty", "--json", path, "--method", "mle") == 0
+    assert "What was added: 1 kg" in capsys.readouterr().out
+    tare = read_result(path).tare
+    assert tare is not None
+    for name, true in zip(("s_x", "s_y", "s_z"), PAYLOAD.at, strict=True):
+        one = tare.parameters[name]
+        assert one.value is not None
+        assert one.sd is not None
+        assert abs(one.value - true) < 4 * one.sd
+        assert one.sd < 0.02
+
+
+@pytest.mark.sampled(1)
+def test_tare_of_nothing_added_is_refused(pair: Pair) -> None:
+    assert run("identify", pair.loaded, "--tare", pair.empty, "--method", "iv") == 2
+
+
 @pytest.mark.parametrize("method", ["tls", "iv"])
 @pytest.mark.sampled(1)
 def test_the_mass_is_found(pair: Pair, method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
