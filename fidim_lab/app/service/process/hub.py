@@ -3,6 +3,7 @@
 Writing never waits: what a client has not read yet is kept up to `BACKLOG` bytes, then the client is dropped. What
 clients ask for is done one thing at a time, by turns, and for no longer than `TURN` before everything else in this
 process has its turn: SYNC goes out between. A client that asks for more than `COMMANDS` a second is read no further.
+Of one that has gone before its turn only a stop is still done.
 """
 
 import asyncio
@@ -10,10 +11,11 @@ import os
 import socket
 from collections import deque
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 
 from fidim_lab.app.service.codec import encode
-from fidim_lab.app.service.commands import Hello, Message, Request
+from fidim_lab.app.service.commands import EmergencyStop, Hello, Message, Request
 from fidim_lab.app.service.messages import Answer, Refusal, Samples
 from fidim_lab.app.service.process.session import ConversationStage, ServerSession
 from fidim_lab.errors import SetupError
@@ -207,6 +209,9 @@ class _Connection(asyncio.Protocol):
         self._due()
 
     def connection_lost(self, exc: Exception | None) -> None:
+        for message in islice(iter(self.session.next, None), int(BURST)):  # said, and not its turn before it was killed
+            if isinstance(message, Request) and isinstance(message.command, EmergencyStop):
+                self._hub.take(self, message)
         self.session.stage = ConversationStage.CLOSED
         self._first = None
         for timer in (self._greeting, self._again):

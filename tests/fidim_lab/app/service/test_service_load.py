@@ -13,6 +13,7 @@ from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import EmergencyStop, Hello, Request, TakeLease
 from fidim_lab.app.service.messages import Answer, Happening, Welcome
+from fidim_lab.app.service.process import hub
 from fidim_lab.app.service.process.event_log import EventLog
 from fidim_lab.app.service.process.hub import BURST, CLIENTS_TCP, COMMANDS, Hub
 
@@ -107,6 +108,31 @@ def test_a_flood_of_commands_is_taken_at_its_rate_and_a_stop_is_not_kept_waiting
     count = sum(name == "flooder" for name, _ in peer.asked)
     assert BURST <= count <= BURST + COMMANDS * passed + 1
     assert took < 5.0  # s; the flood alone would take minutes at its rate
+
+
+@pytest.mark.parametrize("greeted", [False, True])
+def test_a_stop_counts_though_its_client_is_killed_right_after_it(peer, greeted, monkeypatch):
+    """Others attach at that moment: its turn comes when it has gone. What else it had asked for is not done."""
+    monkeypatch.setattr(hub, "TURN", 0.0)  # a slow computer: one thing at a time
+
+    async def main():
+        await peer.hub.listen_unix(peer.path)
+        reader, stopper = await asyncio.open_unix_connection(peer.path)
+        stopper.write(encode(Hello(client="stopper")))
+        if greeted:
+            await reader.readline()
+        others = [await asyncio.open_unix_connection(peer.path) for _ in range(CLIENTS - 1)]
+        for _, writer in others:
+            writer.write(encode(Hello(client="late")))
+        stopper.write(encode(Request(id=1, command=EmergencyStop())) + encode(Request(id=2, command=TakeLease())))
+        stopper.transport.abort()
+        await LoopClock().sleep(0.5)
+        for _, writer in others:
+            writer.close()
+        peer.hub.close()
+
+    asyncio.run(main())
+    assert [command for name, command in peer.asked if name == "stopper"] == [EmergencyStop]
 
 
 def test_a_client_that_waits_is_served_when_its_time_comes(peer):
