@@ -141,8 +141,9 @@ class GeometryGuard:
             return None
         return (
             f"the markers are {1e3 * size:.1f} mm from where the cables' lengths let them be, at most "
-            f"{1e3 * allowed:.1f} mm is allowed: {self._causes(off)}; or markers or motion capture's origin moved. "
-            f"A drum may turn while its encoder does not show it{self._doubt()}"
+            f"{1e3 * allowed:.1f} mm is allowed: {self._causes(off)}, so a drum may turn unseen; or markers or motion "
+            f"capture's origin moved; or, if it comes back wherever the platform is displaced, the robot file's "
+            f"geometry is wrong (fidim register){self._doubt()}"
         )
 
     def _stand(self, seen: Observation) -> bool:

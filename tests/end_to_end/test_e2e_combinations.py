@@ -121,6 +121,7 @@ class Case:
     outcome: Outcome = Outcome.ERROR
 
 
+OLD = "NOT VERIFIED that the robot is held: the encoder of winch"
 CASES = {
     "cameras and a drive fall silent": Case(
         "MoveTo",
@@ -175,6 +176,12 @@ CASES = {
         "its samples (TPDO) stay where they are, its encoder, asked by SDO, is +",
         "winch 2 did not obey",
         way=0.01,
+    ),
+    "samples that are frozen while a window is recorded": Case(
+        "Record", 0.3, lambda s: frozen(s, 0x182, 0x282), "its samples (TPDO) have been exactly the same for", OLD
+    ),
+    "samples of all drives that are frozen while somebody is at the platform": Case(
+        "Ask", 0.3, lambda s: [frozen(s, 0x180 + k, 0x280 + k) for k in (1, 2, 3, 4)], "they are old", OLD
     ),
     "frozen samples that flicker while the drum turns": Case(
         "Ask",

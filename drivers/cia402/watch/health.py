@@ -10,6 +10,7 @@ By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive 
 object that the drive refuses is not asked for again; what has not been answered lately is unknown.
 """
 
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -33,6 +34,12 @@ DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reac
 REFUSES_SAYS = "it refuses to give its encoder by SDO ({}): its samples (TPDO) may be old"
 OLD_SAYS = "its samples (TPDO) stay where they are, its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
 CHANGED_SAYS = "somebody has changed what its stops rest on: {} {}: {} found, {} was written"
+SAME_SAYS = (
+    "its samples (TPDO) have been exactly the same for {:.1f} s, its load, asked by SDO, is another: they are old"
+)
+SAME_FOR, SAME_TIMES = 0.5, 3
+"""s for which samples must be the same to the digit, and answers in a row that differ from them: it is the same object
+on both ways, so that a load that does not change is the same on both, and one that does changes within 100 samples"""
 OLD = 1e-3
 """m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
 beyond which the encoder is elsewhere than both: 0 at rest; up to 0.03 m/s such samples are passed on the way"""
@@ -95,6 +102,8 @@ class HealthPoll:
         self._demand = next((index for index in DEMANDS if link.sdo.knows(index)), None)
         self._wanted: tuple[Trajectory, int, int] | None = None
         """its set-point and its encoder (counts) when they were first asked for under a command to stand"""
+        self._others = 0
+        """answers in a row of another load than samples tell that never change"""
         self.blind = False
         """whether its encoder was contradicted: what it shows since proves nothing"""
 
@@ -122,7 +131,7 @@ class HealthPoll:
                 self.blind = False
                 continue
             try:
-                self._doubt = await self._compare()
+                self._doubt = await self._compare() or await self._look_at_load()
                 self._moved = self._moved or await self._look_at_demand()
                 if self._clock.now() >= due:
                     due = self._clock.now() + PERIOD
@@ -178,6 +187,22 @@ class HealthPoll:
             return ""
         self.blind = True
         return MOVED_SAYS.format(self._demand, 1e3 * self._scale.velocity(moved))
+
+    async def _look_at_load(self) -> str:
+        """Whether samples that tell the same all the time are old."""
+        load, link = self._link.decoder.load, self._link
+        sample = link.values
+        if load is None or sample is None or sample.t - link.unchanged_since < SAME_FOR:
+            self._others = 0
+            return ""
+        told = await self._number(load.index, load.value[1])
+        if told is not None and link.values is not None and link.values.told == sample.told:
+            apart = (told - int(sample.current)) % (1 << 8 * struct.calcsize(load.code))
+            self._others = self._others + 1 if apart else 0
+        if self._others < SAME_TIMES:
+            return ""
+        self.blind = True
+        return SAME_SAYS.format(sample.t - link.unchanged_since)
 
     async def _look_at_one(self) -> str:
         """What one of its settings is by now; empty where it is as it was written: then the next has its turn."""

@@ -61,6 +61,8 @@ class NodeLink:
         self.layout = able.layout
         """its PDOs"""
         self.values: DriveValues | None = None
+        self.unchanged_since = float("-inf")
+        """monotonic s of the SYNC since which all samples have told exactly the same"""
         self.heartbeat: Heartbeat | None = None
         self.emergencies: deque[Emergency] = deque(maxlen=_KEPT_EMERGENCIES)
         self.latched: Emergency | None = None
@@ -101,7 +103,9 @@ class NodeLink:
         values = self.decoder.feed(part, frame.data, t)
         self.twins.sampled(t, self.decoder.contradicted)
         if values is not None:
-            self.values = values
+            before, self.values = self.values, values
+            if before is None or before.told != values.told:
+                self.unchanged_since = t
             if self.motion is not None:
                 self.motion.feed(values.position)
 

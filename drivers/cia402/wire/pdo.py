@@ -181,6 +181,11 @@ class DriveValues:
     current: float
     """per mille of rated current, of rated torque, or digits of a vendor object; NaN where the drive tells no load"""
 
+    @property
+    def told(self) -> tuple[float, ...]:
+        """All that the drive has told."""
+        return self.statusword, self.position, self.mode, self.velocity, self.current
+
 
 _Numbers = tuple[float, ...]
 
@@ -219,6 +224,9 @@ class SampleDecoder:
         if missing := [entry.name for entry in _SAMPLED if entry.name not in order]:
             raise OurBugError(f"The TPDO layout leaves out {', '.join(missing)}.")
         load = next((n for n, name in enumerate(order) if name and name not in _TOLD), len(order) + 1)
+        entries = [entry for pdo in tpdos for entry in pdo.entries]
+        self.load = entries[load] if load < len(entries) else None
+        """what tells the load"""
         mode = order.index(Mappable.MODE_DISPLAY.name) if Mappable.MODE_DISPLAY.name in order else len(order)
         state, place = (order.index(entry.name) for entry in _SAMPLED)
         self._differences = None if Mappable.VELOCITY.name in order else _Differences(place, velocity_digit)
