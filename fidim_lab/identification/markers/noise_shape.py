@@ -1,13 +1,15 @@
-"""How unevenly the noise of markers is spread over directions, and over the markers.
+"""How unevenly the noise of markers is spread over directions, over the markers, and over recordings.
 
 Cameras see better across their line of sight than along it, and some markers better than others. The noise is what
 differences of eighth order leave: they let nothing pass of a motion slower than a tenth of the frame rate, and a
-thousandth of one at a fifth. Where the robot file states more noise than that, the rest is slower than frames and of no
-known direction, and counts as the same in all.
+thousandth of one at a fifth. Where the robot file states more noise than most markers show of that, the rest is slower
+than frames and of no known direction, and counts as the same in all.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from math import comb
+from statistics import median_low
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +29,7 @@ BY_CHANCE = 3.0
 FARTHEST = 5.0
 """standard deviations of a difference, by their median: one of two million is farther by chance"""
 SURE = 5.0
-"""log-evidence (BIC) for uneven noise, from which on it is believed: odds of 150"""
+"""log-evidence (BIC) for uneven noise, or for a recording's own, from which on it is believed: odds of 150"""
 ROUNDS = 50
 """of Weiszfeld's iteration"""
 NEAR = 1e-3
@@ -36,49 +38,87 @@ TINY = np.finfo(float).tiny
 """keeps the logarithm of a marker that tells nothing finite"""
 
 
-def noise_shape(
+@dataclass(frozen=True, eq=False)
+class _Noise:
+    """Of one recording."""
+
+    covariances: Float[np.ndarray, "M 3 3"]
+    """m², that of a marker of which nothing is known does not count"""
+    independent: Float[np.ndarray, " M"]
+    """samples that tell each; 0 where they do not"""
+
+    @property
+    def level(self) -> float:
+        """m², of the mean coordinate."""
+        return float(self.independent @ np.einsum("mii->m", self.covariances)) / 3 / self.independent.sum()
+
+
+def noise_shapes(
     recordings: Sequence[tuple[Series, Float[np.ndarray, "T M 3"]]], stated: float
-) -> Float[np.ndarray, "M 3 3"] | None:
-    """Matrices that make the noise of each marker as large in all directions as it is on the mean of all.
+) -> list[Float[np.ndarray, "M 3 3"] | None]:
+    """For each recording matrices that make the noise of its markers even, and as large as most recordings have it.
 
     recordings: times (s) and markers (m, NaN where missing). stated: m, one standard deviation of a coordinate. None
-    where the noise is as even as chance leaves it, or where nothing tells. The shape is the one that most recordings
-    have: a few with swapped or reflected markers do not change it.
+    where the noise is as even as chance leaves it, or where nothing tells. What is common is the shape that most
+    recordings have: a few with swapped or reflected markers do not change it. These are weighed by their own.
     """
-    most = max((markers.shape[1] for _, markers in recordings), default=0)
-    if not most:
-        return None
-    found = [_of_recording(t, markers, stated) for t, markers in recordings]
-    covariances, independent = np.zeros((most, 3, 3)), np.zeros(most)
+    found = [_between_frames(t, markers) for t, markers in recordings]
+    telling = [one for one in found if one.independent.any()]
+    if not telling:
+        return [None] * len(found)
+    slower = _slower(telling, stated) * np.eye(3)
+    found = [_Noise(one.covariances + slower, one.independent) for one in found]
+    telling = [one for one in found if one.independent.any()]
+    common, usual = _common(telling), median_low([one.level for one in telling])
+    return [_evening(one, common, usual) for one in found]
+
+
+def _slower(telling: Sequence[_Noise], stated: float) -> float:
+    """m², by which the stated noise is more than what most markers show between frames; 0 within chance."""
+    counts = np.concatenate([one.independent for one in telling])
+    covariances = np.concatenate([one.covariances for one in telling])[counts > 0]
+    fast = float(np.median(np.einsum("mii->m", covariances))) / 3
+    chance = np.sqrt(2 / counts.sum()) * float(np.median(np.linalg.norm(covariances, axis=(1, 2)))) / 3
+    return stated**2 - fast if stated**2 > fast + BY_CHANCE * chance else 0.0
+
+
+def _common(telling: Sequence[_Noise]) -> Float[np.ndarray, "M 3 3"]:
+    """Covariances over their mean; equal ones where the noise is even, or where nothing tells of a marker."""
+    most = max(len(one.independent) for one in telling)
+    even = np.tile(np.eye(3), (most, 1, 1))
+    covariances, independent = even.copy(), np.zeros(most)
     for m in range(most):
-        logs = [(one[m], count[m]) for one, count in found if m < len(count) and count[m] > 0]
-        if not logs:
-            return None
-        every, counts = (np.array(values) for values in zip(*logs, strict=True))
-        covariances[m], independent[m] = _spectral(np.exp, _middle(every, counts)), counts.sum()
-    mean = float(independent @ np.einsum("mii->m", covariances)) / 3 / independent.sum()
-    gained = -0.5 * float(independent @ np.linalg.slogdet(covariances / mean)[1])
+        of = [one for one in telling if m < len(one.independent) and one.independent[m] > 0]
+        if not of:
+            return even
+        logs = _spectral(_logarithm, np.array([one.covariances[m] / one.level for one in of]))
+        counts = np.array([one.independent[m] for one in of])
+        covariances[m], independent[m] = _spectral(np.exp, _middle(logs, counts)), counts.sum()
+    covariances /= _Noise(covariances, independent).level
+    gained = -0.5 * float(independent @ np.linalg.slogdet(covariances)[1])
     price = 0.5 * (FREE * most - 1) * np.log(independent.sum())
-    return _spectral(lambda values: values**-0.5, covariances / mean) if gained - price > SURE else None
+    return covariances if gained - price > SURE else even
 
 
-def _of_recording(
-    t: Series, markers: Float[np.ndarray, "T M 3"], stated: float
-) -> tuple[Float[np.ndarray, "M 3 3"], Float[np.ndarray, " M"]]:
-    """Logarithms of the covariances over their mean, and how many samples tell each; 0 where they do not tell it."""
+def _evening(one: _Noise, common: Float[np.ndarray, "M 3 3"], usual: float) -> Float[np.ndarray, "M 3 3"] | None:
+    """By the recording's own noise where that is evidently another one than is common."""
+    known = one.independent > 0
+    expected, seen = common[: len(known)], one.covariances / usual
+    excess = np.linalg.solve(expected, seen)[known]
+    apart = np.einsum("mii->m", excess) - np.linalg.slogdet(excess)[1] - 3
+    gained = 0.5 * float(one.independent[known] @ apart)
+    price = 0.5 * FREE * known.sum() * np.log(max(1.0, one.independent.sum()))
+    own = np.where((known & (gained - price > SURE))[:, np.newaxis, np.newaxis], seen, expected)
+    return None if (own == np.eye(3)).all() else _spectral(lambda values: np.maximum(values, TINY) ** -0.5, own)
+
+
+def _between_frames(t: Series, markers: Float[np.ndarray, "T M 3"]) -> _Noise:
+    """What differences leave of one recording."""
     found = _differences(t, markers)
     independent = INDEPENDENT * np.array([len(one) for one in found])
     seen = np.array([one.T @ one / max(1, len(one)) for one in found])
     independent[(independent <= FREE) | (np.linalg.eigvalsh(seen)[:, 0] <= 0)] = 0.0
-    if not independent.any():
-        return seen, independent
-    shares = independent / independent.sum()
-    fast = float(shares @ np.einsum("mii->m", seen)) / 3
-    lengths = np.einsum("mij,mij->m", seen, seen)
-    chance = float(np.sqrt(2 / independent.sum() * shares @ lengths)) / 3
-    slower = stated**2 - fast if stated**2 > fast + BY_CHANCE * chance else 0.0
-    covariances = (seen + slower * np.eye(3)) / (fast + slower)
-    return _spectral(lambda values: np.log(np.maximum(values, TINY)), covariances), independent
+    return _Noise(seen, independent)
 
 
 def _middle(logs: Float[np.ndarray, "W 3 3"], counts: Float[np.ndarray, " W"]) -> Float[np.ndarray, "3 3"]:
@@ -88,6 +128,10 @@ def _middle(logs: Float[np.ndarray, "W 3 3"], counts: Float[np.ndarray, " W"]) -
         distances = np.linalg.norm(logs - middle, axis=(1, 2))
         middle = np.average(logs, axis=0, weights=counts / np.maximum(distances, NEAR))
     return middle
+
+
+def _logarithm(values: np.ndarray) -> np.ndarray:
+    return np.log(np.maximum(values, TINY))
 
 
 def _spectral(

@@ -16,7 +16,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Body, Sensors, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.refusals import together
-from fidim_lab.identification.markers.noise_shape import noise_shape
+from fidim_lab.identification.markers.noise_shape import noise_shapes
 from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.judge import Remainder, noise_alone, remainder
 from fidim_lab.identification.mle.starts import springs
@@ -284,14 +284,14 @@ def likelihood_of(
     states = tied(mechanism, shared, as_states(guesses), begins) if mechanism.springs else as_states(guesses)
     if reads_rates(mechanism):
         return RateLikelihood(mechanism, recordings, states, sensors.gyro_noise, sensors.encoder_resolution)
+    shapes = noise_shapes([(recording.t, recording.markers) for recording in recordings], sensors.marker_noise)
     return Likelihood(
         mechanism,
-        recordings,
+        tuple(replace(recording, evening=shape) for recording, shape in zip(recordings, shapes, strict=True)),
         states,
         sensors.marker_noise,
         sensors.encoder_resolution,
         spring_prior(mechanism, shared, states, recordings),
-        noise_shape([(recording.t, recording.markers) for recording in recordings], sensors.marker_noise),
     )
 
 

@@ -39,6 +39,8 @@ class Remainder:
     """mean of N ρ² over the first lags: 1 ± 0.3 for white residuals, larger where something is left; None if uneven"""
     noise: float | None
     """standard deviation by fourth differences of the residuals, m: what no smooth motion explains"""
+    evening: Float[np.ndarray, "M 3 3"] | None = None
+    """by which the noise of each marker becomes even; None where it is"""
 
     @property
     def chi2_per_dof(self) -> float:
@@ -52,7 +54,7 @@ def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remaind
     use, seen = recording.seen_until(simulation.ends[w])
     found = simulation.residuals[w]
     left = np.full(seen.shape, np.nan)
-    left[seen] = -likelihood.coloured(found.markers, seen)
+    left[seen] = -likelihood.coloured(w, found.markers, seen)
     t = recording.window.t[0] + recording.begin + recording.t[use]
     count = len(found.markers) + len(found.lengths)
     return Remainder(
@@ -64,6 +66,7 @@ def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remaind
         rms=float(np.sqrt(np.mean(left[seen] ** 2))),
         whiteness=_whiteness(t, left),
         noise=_noise(t, left),
+        evening=recording.evening,
     )
 
 

@@ -40,5 +40,5 @@ def _residuals(prediction: HeldOutPrediction, one: WindowLinear, step: np.ndarra
     moved = moved - one.by_own @ np.linalg.lstsq(one.by_own, moved, rcond=None)[0]
     residuals = prediction.remainder.residuals.copy()
     seen = np.isfinite(residuals)
-    residuals[seen] = -prediction.likelihood.coloured(moved[: int(seen.sum())], seen)
+    residuals[seen] = -prediction.likelihood.coloured(one.window, moved[: int(seen.sum())], seen)
     return residuals

@@ -57,6 +57,6 @@ def _prepared(found: Fit, windows: Sequence[Window]) -> tuple[Likelihood, Point,
         return None
     likelihood = likelihood_of(mechanism, found.values, recordings, known, mechanism.robot.sensors)
     known_of = found.likelihood
-    likelihood = replace(likelihood, noise=known_of.noise, resolution=known_of.resolution, shape=known_of.shape)
+    likelihood = replace(likelihood, noise=known_of.noise, resolution=known_of.resolution)
     prior = Prior(mean=found.values, sd=np.full(len(found.values), np.inf))
     return likelihood, Point(found.values, likelihood.guesses), prior, np.zeros(len(found.values), dtype=bool)

@@ -117,12 +117,12 @@ class Scorer:
         residual = simulation.residuals[w]
         count = len(residual.markers)
         jacobian = np.zeros((len(residual.rows), direct + 6 * len(self.tried.periodic)))
-        jacobian[:count, :direct] = likelihood.whitened(by_markers[..., :direct][seen], seen)
+        jacobian[:count, :direct] = likelihood.whitened(w, by_markers[..., :direct][seen], seen)
         stamps = recording.begin + recording.t[use]
         for k, h in enumerate(self.tried.periodic):
             forced = by_markers[..., direct + 6 * self._frequencies.index(frequency_of(h)) :][..., :6]
             rows = composed(h, forced, self.mechanism.robot.mass, stamps)[seen]
-            jacobian[:count, direct + 6 * k :][:, :6] = likelihood.whitened(rows, seen)
+            jacobian[:count, direct + 6 * k :][:, :6] = likelihood.whitened(w, rows, seen)
         lengths_by = np.concatenate([simulation.starts.lengths_by[w], moving.lengths_by], axis=1)[known, :direct]
         jacobian[count:-own, :direct] = lengths_by / likelihood.resolution
         jacobian[-own:, :own] = np.diag(loose_rows(likelihood))

@@ -97,7 +97,7 @@ class SprungScorer:
         residual = simulation.residuals[w]
         jacobian = np.zeros((len(residual.rows), by_markers.shape[-1]))
         count, last = len(residual.markers), len(residual.markers) + int(known.sum())
-        jacobian[:count] = likelihood.whitened(by_markers[seen], seen)
+        jacobian[:count] = likelihood.whitened(w, by_markers[seen], seen)
         jacobian[count:last, : len(chosen)] = starts.lengths_by[w][known][:, chosen] / likelihood.resolution
         jacobian[last:, : len(chosen)] = priors_by(likelihood, starts, w)[:, chosen]
         return ResidualColumns(w, residual.rows, jacobian[:, :own], jacobian[:, own:base], jacobian[:, base:])

@@ -69,6 +69,6 @@ def _by_readings(found: Fit, window: WindowLinear) -> Float[np.ndarray, "rows wi
     axis = np.flatnonzero(seen) % AXES
     known = np.flatnonzero(np.isfinite(recording.lengths))
     by = np.zeros((len(window.residual), likelihood.mechanism.n + AXES))
-    by[: len(axis), likelihood.mechanism.n :] = likelihood.whitened(np.eye(AXES)[axis], seen)
+    by[: len(axis), likelihood.mechanism.n :] = likelihood.whitened(window.window, np.eye(AXES)[axis], seen)
     by[len(axis) + np.arange(len(known)), known] = 1 / likelihood.resolution
     return by

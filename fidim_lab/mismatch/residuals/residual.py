@@ -40,7 +40,7 @@ class Leftover:
     """(T, n) as predicted, N"""
     swivel_rates: CableSeries | None = None
     """(T, n), rad/s"""
-    shape: Float[np.ndarray, "M 3 3"] | None = None
+    evening: Float[np.ndarray, "M 3 3"] | None = None
     """by which the noise of each marker becomes even; None where it is"""
     directions: Float[np.ndarray, "T M 3 own"] | None = None
     """derivatives by the window's own unknowns: with them `whiteness` is exact, without it is conservative"""
@@ -58,8 +58,8 @@ class Leftover:
     def on_grid(self) -> tuple[float, Float[np.ndarray, "G K"]]:
         """Sample step (s) and values of even noise on the even grid of the sampling; NaN where there is none."""
         grid, values = even_grid(self.t), self.values
-        if self.shape is not None:
-            values = np.einsum("mij,tmj->tmi", self.shape[: values.shape[1]], values)
+        if self.evening is not None:
+            values = np.einsum("mij,tmj->tmi", self.evening, values)
         return grid.step, grid.spread(values.reshape(len(self.t), -1))
 
 
@@ -73,7 +73,7 @@ def of_remainder(window: str, left: Remainder, likelihood: Likelihood) -> Leftov
     """One window or segment by its residual alone."""
     noise = likelihood.noise
     return Leftover(
-        window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own, shape=likelihood.shape
+        window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own, evening=left.evening
     )
 
 
@@ -93,7 +93,7 @@ def of_simulation(likelihood: Likelihood, simulation: Simulation, w: int, remain
         motion=motion,
         tensions=held * mechanism.robot.mass,
         swivel_rates=_swivel_rates(mechanism, motion),
-        shape=likelihood.shape,
+        evening=remainder.evening,
     )
 
 

@@ -157,7 +157,7 @@ def _window(
     residual, known = simulation.residuals[w], np.isfinite(recording.lengths)
     jacobian = np.zeros((len(residual.rows), starts.shape[2]))
     by_markers = markers.varied_at(one, by, places, recording.t[use])[seen]
-    jacobian[: len(residual.markers)] = likelihood.whitened(by_markers, seen)
+    jacobian[: len(residual.markers)] = likelihood.whitened(w, by_markers, seen)
     jacobian[len(residual.markers) : -own, :first] = simulation.starts.lengths_by[w][known] / likelihood.resolution
     jacobian[-own:, :own] = np.diag(1 / np.r_[np.full(6, LOOSE_POSE), np.full(own - 6, LOOSE_RATE)])
     basis = np.linalg.qr(jacobian[:, :own])[0]

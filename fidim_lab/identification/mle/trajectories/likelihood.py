@@ -90,26 +90,19 @@ class Likelihood:
     """standard deviation of an encoder's length, m"""
     springs: SpringPrior | None = None
     """None where no cable is a spring"""
-    shape: Float[np.ndarray, "M 3 3"] | None = None
-    """for each marker, by which its noise becomes even; None where it is (`noise_shape`)"""
 
     def whitened(
-        self, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T M 3"], t: Series | None = None
+        self, w: int, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T M 3"]
     ) -> Float[np.ndarray, "K ..."]:
-        """Rows of the recorded coordinates of one window (m, or derivatives) over their noise; t: their times, s."""
-        del t
-        return self._shaped(rows, seen, self.shape) / self.noise
+        """Rows of the recorded coordinates of recording `w` (m, or derivatives) over their noise."""
+        return _shaped(rows, seen, self.recordings[w].evening) / self.noise
 
-    def coloured(self, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T M 3"]) -> Float[np.ndarray, " K"]:
+    def coloured(
+        self, w: int, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T M 3"]
+    ) -> Float[np.ndarray, " K"]:
         """The inverse of `whitened`."""
-        return self._shaped(rows, seen, None if self.shape is None else np.linalg.inv(self.shape)) * self.noise
-
-    def _shaped(self, rows: np.ndarray, seen: np.ndarray, shape: np.ndarray | None) -> np.ndarray:
-        if shape is None:
-            return rows
-        whole = np.zeros(seen.shape + rows.shape[1:])
-        whole[seen] = rows
-        return np.einsum("mij,tmj...->tmi...", shape[: seen.shape[1]], whole)[seen]
+        evening = self.recordings[w].evening
+        return _shaped(rows, seen, None if evening is None else np.linalg.inv(evening)) * self.noise
 
     def measurement(self, theta: Float[np.ndarray, " theta"]) -> MotionSensor:
         """What the sensors make of a motion at one θ."""
@@ -128,6 +121,14 @@ class Likelihood:
     def begins(self) -> Float[np.ndarray, " W"]:
         """When each recording begins on its window's own clock, s."""
         return np.array([recording.begin for recording in self.recordings])
+
+
+def _shaped(rows: np.ndarray, seen: np.ndarray, evening: np.ndarray | None) -> np.ndarray:
+    if evening is None:
+        return rows
+    whole = np.zeros(seen.shape + rows.shape[1:])
+    whole[seen] = rows
+    return np.einsum("mij,tmj...->tmi...", evening, whole)[seen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +312,7 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
         known = np.isfinite(recording.lengths)
         jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
-        jacobian[: len(by_markers)] = likelihood.whitened(by_markers, seen, t)
+        jacobian[: len(by_markers)] = likelihood.whitened(int(w), by_markers, seen)
         lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
         jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
         jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
@@ -357,7 +358,7 @@ def _residual(
         astray = np.zeros(starts.extra.shape[1]) if at.astray is None else at.astray[w]
         priors = np.concatenate([priors, astray / spreads(likelihood.mechanism)])
     return WindowResidual(
-        markers=likelihood.whitened((predicted - recording.markers[use])[seen], seen, recording.t[use]),
+        markers=likelihood.whitened(w, (predicted - recording.markers[use])[seen], seen),
         lengths=(starts.lengths[w] - recording.read(yielding_encoders(likelihood.mechanism)))[known]
         / likelihood.resolution,
         loose=priors,

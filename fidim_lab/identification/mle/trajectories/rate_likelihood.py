@@ -12,7 +12,6 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fidim_lab.arrays import Series
 from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, SensorWords
 from fidim_lab.model.sensitivity.rates import RateMeasurement
@@ -41,11 +40,12 @@ class RateLikelihood(Likelihood):
         return np.concatenate([np.full(6, SWING[0]), np.full(count - 6, SWING[1])])
 
     def whitened(
-        self, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T 1 3"], t: Series | None = None
+        self, w: int, rows: Float[np.ndarray, "K ..."], seen: Bool[np.ndarray, "T 1 3"]
     ) -> Float[np.ndarray, "K ..."]:
-        """Rows over their noise, without what bias and drift explain; t: times of the samples, s."""
-        if t is None or not seen.all():
-            raise OurBugError("RateLikelihood: whole samples with their times are needed.")
+        """Rows of recording `w` over their noise, without what bias and drift explain."""
+        if not seen.all():
+            raise OurBugError("RateLikelihood: whole samples are needed.")
+        t = self.recordings[w].t[: len(seen)]
         about = t - t.mean()
         basis, sizes = np.linalg.qr(np.column_stack([np.ones(len(t)), about]))
         spread = sizes @ np.diag([BIAS**2, DRIFT**2]) @ sizes.T / self.noise**2
@@ -54,7 +54,9 @@ class RateLikelihood(Likelihood):
         columns = rows.reshape(len(t), -1)
         return ((columns + basis @ (less @ (basis.T @ columns))) / self.noise).reshape(rows.shape)
 
-    def coloured(self, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T 1 3"]) -> Float[np.ndarray, " K"]:
+    def coloured(
+        self, w: int, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T 1 3"]
+    ) -> Float[np.ndarray, " K"]:
         """What is left beside bias and drift, rad/s."""
-        del seen
+        del w, seen
         return rows * self.noise

@@ -51,6 +51,8 @@ class FollowedSamples:
     """m, mean of the encoder over the window; NaN for a cable without one, or of which it is no measurement"""
     first_lengths: PerCable
     """m, of the encoder at `begin`: what counts where it turns with the cable's tension"""
+    evening: Float[np.ndarray, "M 3 3"] | None = None
+    """for each marker, by which its noise becomes even and as large as stated; None where it is (`noise_shape`)"""
 
     @property
     def end(self) -> float:

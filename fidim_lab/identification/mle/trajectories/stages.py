@@ -237,7 +237,7 @@ def is_lost(likelihood: Likelihood, simulation: Simulation, w: int) -> bool:
     recording, end = likelihood.recordings[w], simulation.ends[w]
     use, seen = recording.seen_until(end)
     left = np.full(seen.shape, np.nan)
-    left[seen] = likelihood.coloured(simulation.residuals[w].markers, seen)
+    left[seen] = likelihood.coloured(w, simulation.residuals[w].markers, seen)
     late = recording.t[use] >= (1 - LAST_PART) * end
     if not seen[late].any():
         return False

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from fidim_lab.data.records import Body, Robot, Window
-from fidim_lab.identification.markers.noise_shape import noise_shape
+from fidim_lab.identification.markers.noise_shape import noise_shapes
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.model.mechanism import Mechanism
 
@@ -26,27 +26,45 @@ def drawn(sd: np.ndarray, windows: int, seed: int) -> list[tuple[np.ndarray, np.
 
 
 def test_even_noise_has_no_shape():
-    assert all(noise_shape(drawn(np.full((2, 3), 1e-4), 6, seed), 1e-4) is None for seed in range(200))
+    for seed in range(200):
+        assert noise_shapes(drawn(np.full((2, 3), 1e-4), 6, seed), 1e-4) == [None] * 6
 
 
 def test_the_shape_makes_the_noise_even():
-    shape = noise_shape(drawn(UNEVEN, 6, 1), 1e-4)
+    shape, *others = noise_shapes(drawn(UNEVEN, 6, 1), 1e-4)
     assert shape is not None
+    assert all(np.array_equal(one, shape) for one in others)
     mean = np.sqrt(np.mean(UNEVEN**2))
     for one, sd in zip(shape, UNEVEN, strict=True):
         assert one @ np.diag(sd**2) @ one.T == pytest.approx(mean**2 * np.eye(3), abs=0.1 * mean**2)
 
 
 @pytest.mark.parametrize("sd", [np.full((2, 3), 1e-4), UNEVEN])
-def test_a_few_recordings_with_swapped_markers_do_not_make_the_shape(sd: np.ndarray):
+def test_a_few_recordings_with_swapped_markers_do_not_make_the_shape_of_others(sd: np.ndarray):
     """Two of the paper's 14 recordings with three cables have jumps of millimetres between frames in two markers."""
     good = drawn(sd, 6, 1)
     bad = drawn(sd * np.array([[40.0], [1.0]]), 2, 2)
-    alone, beside = noise_shape(good, 1e-4), noise_shape(good + bad, 1e-4)
+    alone, beside = noise_shapes(good, 1e-4)[0], noise_shapes(good + bad, 1e-4)
     if alone is None:
-        assert beside is None
+        assert beside[:6] == [None] * 6
     else:
-        assert beside == pytest.approx(alone, rel=0.3, abs=0.1)
+        assert np.array(beside[:6]) == pytest.approx(np.array([alone] * 6), rel=0.3, abs=0.1)
+
+
+@pytest.mark.parametrize("sd", [np.full((2, 3), 1e-4), UNEVEN])
+def test_a_recording_with_noise_of_its_own_is_weighed_by_that(sd: np.ndarray):
+    own = sd * np.array([[40.0], [1.0]])
+    shape = noise_shapes(drawn(sd, 6, 1) + drawn(own, 1, 2), 1e-4)[-1]
+    assert shape is not None
+    mean = np.sqrt(np.mean(sd**2))
+    for one, noise in zip(shape, own, strict=True):
+        assert one @ np.diag(noise**2) @ one.T == pytest.approx(mean**2 * np.eye(3), abs=0.4 * mean**2)
+
+
+@pytest.mark.parametrize("sd", [5e-5, 1e-4, 5e-4])
+def test_what_is_stated_is_not_corrected_by_what_all_have(sd: float):
+    """Noise of another size than stated in all recordings is told, not weighed away."""
+    assert noise_shapes(drawn(np.full((2, 3), sd), 6, 1), 1e-4) == [None] * 6
 
 
 def test_samples_that_are_off_are_no_noise():
@@ -54,12 +72,12 @@ def test_samples_that_are_off_are_no_noise():
     recordings = drawn(np.full((1, 3), 1e-4), 6, 2)
     for _, markers in recordings:
         markers[random.integers(len(T), size=5), 0, 2] += 0.02
-    assert noise_shape(recordings, 1e-4) is None
+    assert noise_shapes(recordings, 1e-4) == [None] * 6
 
 
 def test_what_is_stated_beyond_it_is_of_no_known_direction():
     """Errors slower than frames are not seen, and larger than those that are: little is known of directions."""
-    assert noise_shape(drawn(0.2 * UNEVEN, 6, 1), 2e-4) is None
+    assert noise_shapes(drawn(0.2 * UNEVEN, 6, 1), 2e-4) == [None] * 6
 
 
 @given(st.integers(0, 30), st.integers(1, 3), st.floats(0, 1))
@@ -67,7 +85,7 @@ def test_few_samples_and_holes_tell_nothing_or_something_finite(rows, markers, m
     random = np.random.default_rng(rows)
     seen = random.standard_normal((rows, markers, 3))
     seen[random.random((rows, markers)) < missing] = np.nan
-    shape = noise_shape([(np.arange(rows) / 100, seen)], 1e-4)
+    (shape,) = noise_shapes([(np.arange(rows) / 100, seen)], 1e-4)
     assert shape is None or np.isfinite(shape).all()
 
 

@@ -104,7 +104,7 @@ def test_uneven_noise_is_white_by_its_shape():
     shape = np.diag([2.0, 1.0, 0.5])[np.newaxis]
     uneven = [replace(one, values=one.values @ np.linalg.inv(shape[0]), directions=None) for one in noise(6, 5)]
     assert not whiteness(uneven).is_white
-    assert whiteness([replace(one, shape=shape) for one in uneven]).is_white
+    assert whiteness([replace(one, evening=shape) for one in uneven]).is_white
 
 
 def test_noise_has_no_place():
