@@ -19,6 +19,7 @@ from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.equations.slackness import slack_notes
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.input_check import check
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.mle.by_rates import identify_by_rates, shown_by_rates
 from fidim_lab.identification.motion.recipe import BEST, Recipe
@@ -75,13 +76,19 @@ def identify(
     cleaned = recordings.campaign
     result = by_method(cleaned) if clocks is None else by_both(cleaned, clocks, by_method)
     notes = (*notes, *recordings.notes)
-    filtered = low_passed(recordings.campaign)
+    filtered = None if _leaves_nothing(result) else low_passed(recordings.campaign)
     if filtered is not None and not result.outcome.answers:  # what it leaves unexplained is the filter's
         answer = result.answer
         result = replace(result, answer=replace(answer, verdict=f"{filtered.says} {answer.verdict}"))
     elif filtered is not None:
         notes = (*notes, filtered.says)
     return replace(result, removed=recordings.removed, warnings=(*notes, *result.warnings))
+
+
+def _leaves_nothing(result: IdentificationResult) -> bool:
+    """Whether the motion that no filter has touched is followed more closely than any noise is judged by."""
+    left = [window.chi2_per_dof for window in result.windows if window.used and window.chi2_per_dof is not None]
+    return bool(left) and max(left) < MARKERS.finest**2
 
 
 def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Checks) -> IdentificationResult:

@@ -44,7 +44,8 @@ def inspect(
     kept = np.where(bad[..., np.newaxis], np.nan, window.markers)
     columns = grid.spread(_timed(window.t, kept.reshape(len(kept), -1), grid.slots * grid.step + window.t[0]))
     own = np.nan_to_num(noise_of(columns), nan=noise).reshape(sigma.shape)
-    result = search(columns.reshape(-1, *sigma.shape), np.maximum(sigma, own), half_width(1 / grid.step), limits)
+    judged = np.maximum(np.maximum(sigma, own), MARKERS.finest * noise)
+    result = search(columns.reshape(-1, *sigma.shape), judged, half_width(1 / grid.step), limits)
     row_of = np.searchsorted(grid.slots, np.arange(len(columns) + 1))
     found += frozen
     for one in result.displaced:

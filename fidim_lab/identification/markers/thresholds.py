@@ -98,6 +98,11 @@ class MarkerThresholds:
     rivals_clearer: float = 12.0
     """by which the criterion must prefer a fault to motion and blow: a factor of 400 in odds"""
 
+    # noise
+    finest: float = 0.1
+    """of the stated noise: nothing is judged by less. Cameras err slowly by more (the paper's frames scatter by a
+    fifth); without any, as simulations are written, rounding, encoders and ways to integrate would be told"""
+
     # samples
     samples_fewest: int = 30
     """samples, without which a window is not looked at"""

@@ -9,6 +9,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.cleaning.free_motion import were_used, window_count
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.refusals import bare
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.starts.possible import distance_to_boundary
@@ -264,8 +265,9 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
     declared, sensor = found.likelihood.noise, found.likelihood.sensor
     if found.noise_ratio > 1.25 or found.noise_ratio < 0.8:
         said.append(
-            f"{OTHER_NOISE.replace('marker', sensor.name)} {found.noise_ratio * declared * 1e3:.3g} {sensor.unit}, the "
-            f"robot file says {declared * 1e3:.3g} {sensor.unit} (sensors, {sensor.key})."
+            f"{OTHER_NOISE.replace('marker', sensor.name)} {'at most ' if found.noise_ratio <= MARKERS.finest else ''}"
+            f"{found.noise_ratio * declared * 1e3:.3g} {sensor.unit}, the robot file says {declared * 1e3:.3g} "
+            f"{sensor.unit} (sensors, {sensor.key})."
         )
     if not found.explained:
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
@@ -276,7 +278,7 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
     coloured = {
         recording.window.id: f"{recording.window.id} ({left.whiteness:.0f})"
         for recording, left in zip(found.likelihood.recordings, found.remainders, strict=True)
-        if left.whiteness is not None and left.whiteness > COLOURED
+        if left.whiteness is not None and left.whiteness > COLOURED and left.rms > MARKERS.finest * declared
     }
     if coloured:
         where = window_count(coloured)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation
 
 LAGS = 20
@@ -38,7 +39,7 @@ class Remainder:
     whiteness: float | None
     """mean of N ρ² over the first lags: 1 ± 0.3 for white residuals, larger where something is left; None if uneven"""
     noise: float | None
-    """standard deviation by fourth differences of the residuals, m: what no smooth motion explains"""
+    """m, by fourth differences of the residuals: what no smooth motion explains; at least `MARKERS.finest` of it"""
     evening: Float[np.ndarray, "M 3 3"] | None = None
     """by which the noise of each marker becomes even; None where it is"""
 
@@ -65,7 +66,7 @@ def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remaind
         dof=max(1, count - likelihood.own),
         rms=float(np.sqrt(np.mean(left[seen] ** 2))),
         whiteness=_whiteness(t, left),
-        noise=_noise(t, left),
+        noise=_noise(t, left, MARKERS.finest * likelihood.noise),
         evening=recording.evening,
     )
 
@@ -103,13 +104,13 @@ def _whiteness(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> float | None
     return total / counted if counted else None
 
 
-def _noise(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> float | None:
+def _noise(t: Series, residuals: Float[np.ndarray, "T M 3"], least: float) -> float | None:
     columns = _even(t, residuals)
     if columns is None or len(columns) < LAGS:
         return None
     fourth = np.diff(columns, n=4, axis=0)
     fourth = fourth[np.isfinite(fourth)]
-    return float(np.sqrt(np.mean(fourth**2) / 70)) if len(fourth) > LAGS else None
+    return max(least, float(np.sqrt(np.mean(fourth**2) / 70))) if len(fourth) > LAGS else None
 
 
 def _even(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> Float[np.ndarray, "N K"] | None:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtrc, fdtrc
 
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 from fidim_lab.units import plain
@@ -150,7 +151,7 @@ def _noise_level(spectra: list[Spectrum]) -> tuple[float, float]:
     parts = np.array([_band(s, RESIDUALS.whiteness_edges[-1], np.inf) for s in spectra]).sum(axis=0)
     if parts[1] < RESIDUALS.fewest_reference:
         return 1.0, np.inf
-    return float(parts[0] / parts[1]), float(parts[1])
+    return max(MARKERS.finest**2, float(parts[0] / parts[1])), float(parts[1])
 
 
 def _ratio(pair: np.ndarray, level: float) -> float:
