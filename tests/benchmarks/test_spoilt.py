@@ -29,6 +29,7 @@ def test_names_that_can_be_put_right_give_the_body():
     assert one.verdict is Verdict.RIGHT, one.says
 
 
+@pytest.mark.slow
 def test_a_hand_is_cut_or_at_least_named():
     (one,) = run([0], 5, [NAMED["held at start"]])
     assert one.verdict in (Verdict.RIGHT, Verdict.REFUSED), one.says

@@ -106,6 +106,7 @@ def test_lost_and_doubled_frames_disturb_nothing(rehearsal):
     assert report.exit_code == 0
 
 
+@pytest.mark.slow
 def test_in_real_time_a_process_that_hangs_is_missed_by_its_drives(scene):
     """The whole process stands still for 0.8 s: on a real python-can bus the drives, in their own thread, stop."""
     ended = scene.in_real_time(

@@ -254,7 +254,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 def test_what_comes_together_is_stopped_named_and_told_as_it_is(rehearsal, truth, name):
     case = CASES[name]
     rehearsal.at(case.step, lambda stage: (truth.watch(stage), case.strike(stage)), after=case.after)

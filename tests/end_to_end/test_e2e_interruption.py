@@ -158,6 +158,7 @@ def test_after_a_kill_the_accepted_windows_are_a_campaign(command):
     assert len(list(read_candump(command.folder / "raw" / "can.log"))) > 1000
 
 
+@pytest.mark.slow
 def test_in_real_time_with_threads_and_sockets_it_is_the_same(tmp_path, scene):
     for attempt in range(scene.tries):  # anew where a busy machine starved it, so that a guard had to stop it first
         command = Command(tmp_path / f"run{attempt}", "--real-time")

@@ -38,6 +38,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
     return {kind: tmp_path / name for kind, name in written.items()}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", MODELS)
 def test_every_key_of_the_reader_is_in_the_file_and_no_other(kind: str, files: dict[str, Path]) -> None:
     wanted = _reader_keys(MODELS[kind])
@@ -107,6 +108,7 @@ def test_a_rig_has_room_for_a_robot_of_any_size(files: dict[str, Path], tmp_path
     assert {check.verdict for check in check_reach(read_rig(tmp_path / "other-rig.toml"))} == {CheckVerdict.OK}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -53,6 +53,7 @@ def test_parameters_come_back(shared, name):
     assert found.noise_ratio < 1.5
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["open-anchor-moved", "open-elastic-cables"])
 def test_wrong_geometry_is_said_and_not_hidden_in_small_numbers(shared, name):
     found = identify(read_campaign(shared / "campaigns" / name), checks=QUICK)

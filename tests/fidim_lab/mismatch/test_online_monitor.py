@@ -55,7 +55,7 @@ def test_a_window_of_another_robot_is_said_at_once(irma4):
 
 
 @pytest.mark.parametrize("hidden", ["air-drag-linear:c=0.5", "gravity-tilt:rx=0.02"])
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_what_was_done_on_the_first_two_windows_changes_hardly_anything_that_is_told(irma4, hidden):
     windows = windows_of(irma4, hidden, count=3)
     one_by_one = Watch(irma4, native=False)

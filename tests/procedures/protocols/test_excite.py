@@ -409,7 +409,7 @@ def test_the_body_is_identified_from_the_first_windows_until_it_is_known(irma4: 
 
 
 @pytest.mark.parametrize("recorded", [0, 6])
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_a_run_that_goes_on_plans_with_the_body_that_its_windows_show(irma4: Robot, plan: Plan, recorded: int):
     body = irma4.nominal.vector * 1.02
 

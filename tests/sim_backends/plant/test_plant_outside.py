@@ -86,6 +86,7 @@ def test_ripple_of_the_swivels_is_a_torque_within_its_size_that_does_not_pull_al
     assert 0 < np.linalg.norm(force) < 4 * 0.01 / 0.3
 
 
+@pytest.mark.slow
 def test_gusts_have_the_size_asked_for_and_another_course_for_each_seed(irma4_file):
     t = np.arange(0.0, 200.0, 1.0)
     one, other = ([wrench(irma4_file, f"unknown-gusts:f=0.2,seed={seed}", t=now)[0] for now in t] for seed in (1, 2))

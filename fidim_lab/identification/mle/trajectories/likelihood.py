@@ -20,7 +20,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.arrays import Series
 from fidim_lab.data.records import Body
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, body_markers, in_batches, rows_of

@@ -148,6 +148,7 @@ def test_a_campaign_folder_is_identified_and_shown(shared):
     assert "v18" in shown
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_poses_from_the_robots_own_sensors_beside_those_of_the_cameras(shared, tmp_path, capsys):
     """The real recording holds both: poses agree to millimetres, and the yaw inertia to a few percent."""

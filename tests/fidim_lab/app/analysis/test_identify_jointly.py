@@ -53,6 +53,7 @@ def folders(irma4: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[str
     return found[0], found[1]
 
 
+@pytest.mark.slow
 def test_two_campaigns_give_one_body(
     folders: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -170,6 +170,7 @@ def result_file(pair: Pair, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_good_parameters_are_confirmed(
     pair: Pair, result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -34,6 +34,7 @@ def _validate(world: Path, parameters: Path, *more: str) -> int:
     return run(["validate", str(world / "other"), "--parameters", str(parameters), *more])
 
 
+@pytest.mark.slow
 def test_the_effects_that_were_named_predict_another_campaign(world: Path, tmp_path: Path) -> None:
     assert _validate(world, world / "explanation.json", "--json", str(tmp_path / "v.json")) == 0
     told = json.loads((tmp_path / "v.json").read_text())
@@ -43,6 +44,7 @@ def test_the_effects_that_were_named_predict_another_campaign(world: Path, tmp_p
     assert _validate(world, world / "result.json") == 1  # the body alone does not
 
 
+@pytest.mark.slow
 def test_python_takes_the_answer_itself(world: Path) -> None:
     other = fl.load(world / "other")
     assert fl.validate(other, world / "explanation.json").predicts

@@ -282,6 +282,7 @@ def _in_order(robot: Robot, order: tuple[int, ...]) -> Robot:
     )
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("order", list(itertools.permutations(range(4)))[1:])
 def test_attachments_in_any_other_order_than_the_anchors_are_seen(irma4: Robot, order: tuple[int, ...]):
     found = _by_name(_in_order(irma4, order))

@@ -197,6 +197,7 @@ def test_every_effect_with_a_term_is_tried() -> None:
     assert {type(effect) for effects in LOUD for effect, _ in effects} == set(TERMS)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("effects", LOUD)
 def test_mujoco_feels_the_effects_that_were_named(
     effects: tuple[tuple[NamedEffect, tuple[float, ...]], ...], folder: Path, tmp_path: Path

@@ -77,6 +77,7 @@ def imported(
     return " ".join(done.output.split())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("zeros", [True, False])
 @pytest.mark.parametrize("order", [[1, 0, 2, 3], [0, 3, 2, 1], [3, 0, 1, 2]])
 def test_another_order_is_told_with_the_option_that_sets_it_right(

@@ -156,6 +156,7 @@ def test_the_page_says_what_was_found_and_why(dragged, explanation, write_folder
     assert page.count("<svg") == 4
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folder, result_of):
     folder = write_folder(dragged)

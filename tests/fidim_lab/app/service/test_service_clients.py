@@ -171,6 +171,7 @@ def test_pause_and_resume_by_command(serving):
     assert serving.run(script) == 0
 
 
+@pytest.mark.slow
 def test_ten_clients_that_do_not_read_change_nothing_and_are_dropped(serving, monkeypatch):
     monkeypatch.setattr("fidim_lab.app.service.process.hub.BACKLOG", 20_000)  # beside what the system itself keeps
 

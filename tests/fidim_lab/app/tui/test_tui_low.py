@@ -31,6 +31,7 @@ async def drawn(screen, text):
     await screen.until(lambda: any(text in row for row in seen(screen)), f"{text!r} in sight")
 
 
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("size", [SIZE, (44, 12), (80, 24)])
 @pytest.mark.parametrize(("key", "must"), [("x", "[y]"), ("k", "[Enter]"), ("question_mark", "The present step")])
 @pytest.mark.parametrize("state", ["running", "latched", "prompt"])

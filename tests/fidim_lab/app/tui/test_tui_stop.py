@@ -123,6 +123,7 @@ def _explanation(**more):
     return {"format": "fidim-explanation/1", "verdict": "explained", "message": "yes", **more}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["result.json", "explanation.json"])
 @pytest.mark.parametrize("kind", [FIFO, NESTED, LONG, FOLDER, LINES])
 def test_while_a_file_of_the_run_cannot_be_read(opened, fake, name, kind):

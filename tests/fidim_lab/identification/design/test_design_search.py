@@ -81,6 +81,7 @@ def test_limits_that_no_place_obeys_are_refused(irma4: Robot):
         pool.draw(Mechanism(tight), task, 2, np.random.default_rng(1), silent)
 
 
+@pytest.mark.slow
 def test_plan_and_json_hold_the_design(small, drawn):
     plan, told = as_plan(small), as_json(small)
     assert [window.id for window in plan.windows] == ["i01", "i02", "i03"]

@@ -26,6 +26,7 @@ def some(drawn) -> Some:
     return Some(replace(drawn.task, winches=WINCHES, native=True), drawn.pool.z[:1])
 
 
+@pytest.mark.slow
 def test_displacements_get_smaller_and_are_in_reach_whatever_damps(drawn, some: Some):
     found = reached(some)
     assert found, "winches reach nothing at this place"

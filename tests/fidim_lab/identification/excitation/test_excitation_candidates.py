@@ -83,6 +83,7 @@ def test_no_other_directions_swing_it_farther(place: ExcitationPlace):
     assert 0.3 * candidate.share < best < 1.02 * candidate.share
 
 
+@pytest.mark.slow
 def test_more_room_for_tensions_swings_it_farther_until_winches_are_the_limit(place: ExcitationPlace):
     shares = [found(place, (0.05, 0.03), part) for part in (0.1, 0.2, 5.0)]
     assert shares[0].share < shares[1].share < shares[2].share

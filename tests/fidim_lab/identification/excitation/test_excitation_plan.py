@@ -85,6 +85,7 @@ def test_a_second_try_learns_the_damping(irma4: Robot, place: ExcitationPlace):
     np.testing.assert_allclose(np.linalg.norm(seen.amplitudes), np.linalg.norm(second.reached), rtol=0.15)
 
 
+@pytest.mark.slow
 def test_wide_bodies_and_tight_limits_make_the_swing_smaller(irma4: Robot, place: ExcitationPlace):
     wanted = wanted_amplitudes(place, np.array([0.05, 0.04]))
     free = planned(place, wanted, none_known(0.0), LIMITS)

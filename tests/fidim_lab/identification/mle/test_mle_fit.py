@@ -353,6 +353,7 @@ def test_errors_are_as_large_as_stated(four, record, truth):
     assert 0.5 < np.median(ratios) < 1.5
 
 
+@pytest.mark.slow
 def test_windows_tell_how_well_the_noise_is_known(record, four):
     found = [fit(Mechanism(four), record(four, 4, seed=seed)) for seed in range(16)]
     scatter = np.std([one.noise_ratio**2 for one in found], ddof=1)

@@ -75,6 +75,7 @@ def test_an_estimate_at_the_edge_of_what_can_move_is_no_determined_one():
     assert max(errors_of(found.parameters.values(), known.body.vector)) < 3.5
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.shared
 @pytest.mark.parametrize("name", ["yaw-only-30Hz", "yaw-only-bifilar", "yaw-only-lengths"])
 def test_a_pendulum_that_another_program_simulated_shows_its_moment(shared: Path, name: str) -> None:
@@ -86,6 +87,7 @@ def test_a_pendulum_that_another_program_simulated_shows_its_moment(shared: Path
     assert abs(about_axis.value - 0.0914) < 3.5 * about_axis.sd
 
 
+@pytest.mark.slow
 def test_a_window_whose_first_orientation_was_guessed_wrongly_is_taken_in_again():
     """Three cables and one marker show the pose badly; the search for all windows ends in a place of its own."""
     kind, second, rng = drawn(68, 21, KINDS)
@@ -149,6 +151,7 @@ def test_a_window_of_another_body_is_left_out_and_named(record, robot_with, trut
     assert max(errors) < 3.5
 
 
+@pytest.mark.slow
 def test_a_window_of_another_body_that_the_geometry_would_take_up_is_left_out_too():
     """Three cables and one marker: the fit does not miss (χ²/dof 1.04), and is 5 sd off with that window."""
     kind, second, rng = drawn(6, 77, KINDS)

@@ -219,6 +219,7 @@ def test_verdicts_after_cleaning(recorded) -> None:
     assert with_cleaning(explanation(Verdict.UNKNOWN_PHYSICS), touched).verdict is Verdict.PARTLY_EXPLAINED
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("faults", "contradicted", "verdict"),
     [

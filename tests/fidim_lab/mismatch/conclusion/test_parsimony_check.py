@@ -41,7 +41,7 @@ def judged(start: Baseline, searched: Selection, *ids: str) -> tuple[Judged, Sel
     ],
     ids=["a saddle of force", "a hose", "drag of the speed cubed", "drag of its square"],
 )
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_what_a_simple_wrench_says_better_is_not_named(
     baseline_of, searched, hidden: str, named: tuple[str, str], wrench: Dependence | None
 ) -> None:

@@ -30,6 +30,7 @@ def of_the_first_seconds(start: Baseline, *ids: str) -> Completed:
     return made
 
 
+@pytest.mark.slow
 def test_models_of_whole_windows_then_of_the_first_seconds_then_scores(dragged: Baseline, found: Selection) -> None:
     friction = of_the_first_seconds(dragged, "swivel-friction")
     passing = (

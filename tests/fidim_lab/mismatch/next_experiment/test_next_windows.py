@@ -121,6 +121,7 @@ def test_after_a_result_the_window_that_tells_most(irma4: Robot, trials: list[Pr
     assert found.sd_after.sum() < 0.9 * found.sd_before.sum()
 
 
+@pytest.mark.slow
 def test_command_writes_a_plan_that_runs(
     irma4: Robot, trials: list[ProposedTrial], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

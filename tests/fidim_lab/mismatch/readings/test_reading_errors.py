@@ -39,6 +39,7 @@ def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., ReadingErro
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("hidden", "id", "cable", "sizes"),
     [
@@ -65,6 +66,7 @@ def test_drums_that_are_eccentric_scatter(errors_of: Callable[..., ReadingErrors
     assert 0.3 < found.found[0].size / (0.0003 / np.sqrt(2)) < 2.0
 
 
+@pytest.mark.slow
 def test_a_session_without_errors_has_none(errors_of: Callable[..., ReadingErrors | None]) -> None:
     assert errors_of() is None
     assert errors_of("swivel-friction:c=0.01") is None
@@ -112,6 +114,7 @@ def test_a_null_with_more_noise_than_stated_is_told_so(irma4: Robot) -> None:
     assert "times the declared" in found.answer.certain
 
 
+@pytest.mark.slow
 def test_an_encoder_coarser_than_stated_is_the_sensors_fault(irma4: Robot) -> None:
     """Counts of 0.3 mm where the file states 0.02 mm: the markers alone hide it, and every ± would be too small."""
     plan = random_plan(irma4, "coarse", 5, 2, SEED)
@@ -128,6 +131,7 @@ def test_an_encoder_coarser_than_stated_is_the_sensors_fault(irma4: Robot) -> No
     assert abs(s_z.value - np.array(truth["s"])[2]) < 4 * s_z.sd
 
 
+@pytest.mark.slow
 def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: Robot) -> None:
     plan = random_plan(irma4, "survey", 6, 1, SEED)
     world = make_world(irma4, np.random.default_rng(SEED), ())

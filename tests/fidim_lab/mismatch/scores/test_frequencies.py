@@ -34,6 +34,7 @@ def test_without_a_tone_nothing_is_looked_at_more_finely(irma4: Robot) -> None:
     assert between(hypotheses(irma4).periodic, [], 10.0) == ()
 
 
+@pytest.mark.slow
 def test_a_force_between_two_frequencies_of_the_scan_is_heard_at_its_own(baseline_of) -> None:
     start = baseline_of("periodic-force:ax=0.01,ay=0.02,az=0.02,f=1.846,psi=0.4", seed=12, windows=4, seconds=10.0)
     best = view(start.as_it_is, start.tried, start.context).singles[0]

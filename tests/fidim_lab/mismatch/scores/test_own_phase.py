@@ -119,6 +119,7 @@ def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_
     assert heard.singles[0].gain > 0.5 * heard.rest
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("beside", "heard"),
     [("rotational-drag:c=0.0005", True), ("attachment-friction:dry=0.01", False)],

@@ -15,6 +15,7 @@ def dragged(baseline_of: Callable[..., Baseline]) -> Baseline:
     return baseline_of("rotational-drag:c=6e-4", seed=41, windows=6, seconds=3.0)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("scatter", "asked"), [(0.06, True), (1e-4, False)], ids=["doubtful", "sure"])
 def test_what_lower_noise_leaves_counts_as_far_as_windows_agree_on_it(dragged: Baseline, scatter: float, asked: bool):
     """Residuals that show less noise than there is leave more than an evident effect takes; windows tell how sure."""

@@ -26,6 +26,7 @@ def test_patience_counts_cpu_time_from_when_it_is_made() -> None:
     assert Patience(30.0, begin=-1e6).ended
 
 
+@pytest.mark.slow
 def test_without_patience_nothing_is_tried_and_that_is_said(dragged: Campaign) -> None:
     said: list[str] = []
     found = explain(dragged, native=False, say=said.append, patience=0.0)

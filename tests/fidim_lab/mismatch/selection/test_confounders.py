@@ -86,6 +86,7 @@ def rubbing_at(start: Baseline, *cables: int) -> Completed:
     return found
 
 
+@pytest.mark.slow
 def test_what_was_found_on_one_cable_may_be_on_all_of_them(rubbing: Baseline) -> None:
     single = rubbing_at(rubbing, 1)
     one, seen = single.tried[0], view(single, rubbing.tried, rubbing.context)

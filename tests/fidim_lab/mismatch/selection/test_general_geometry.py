@@ -39,6 +39,7 @@ def wrong(exact: Baseline) -> Baseline:
     return fit_baseline(replace(exact.campaign, robot=robot), native=True, say=quiet)
 
 
+@pytest.mark.slow
 def test_an_exact_file_has_no_rival(exact: Baseline) -> None:
     assert first_look(exact) is None
     general = rival(view(exact.as_it_is, exact.tried, exact.context))

@@ -33,7 +33,7 @@ def of_first_seconds(start: Baseline, *ids: str) -> Completed:
     ],
     ids=["a saddle of force", "a hose", "the two that are named"],
 )
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_effects_that_act_are_not_outdone(
     baseline_of: Callable[..., Baseline], hidden: tuple[str, ...], named: tuple[str, ...], outdone: bool
 ) -> None:

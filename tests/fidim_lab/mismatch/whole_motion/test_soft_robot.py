@@ -19,6 +19,7 @@ from fidim_lab.mismatch.whole_motion.search import search
 DISSIPATION = ("rotational-drag", "attachment-friction", "swivel-friction", "air-drag-linear")
 
 
+@pytest.mark.slow
 def test_what_dissipates_is_found_beside_cables_that_are_springs(
     recorded_on_springs: Callable[..., tuple[Campaign, Body]], irma4: Robot
 ):

@@ -62,6 +62,7 @@ def _recorded(robot: Robot, windows: int, seconds: float, beside: tuple[str, ...
     return made
 
 
+@pytest.mark.slow
 def test_of_two_dissipations_the_true_one_is_named_beside_an_open_geometry(irma4: Robot):
     others = {effect.id for effect in catalogue(irma4)} - {"attachment-friction", "air-drag-linear"}
     campaign = _recorded(irma4, 3, 2.5)

@@ -106,6 +106,7 @@ def derivatives(mechanism, shared, states, resolution=FINE):
     return starts, np.stack([markers.between(one, index, weights) for one in nodal])
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("effects", [(), (Everything(),)], ids=["rigid", "with effects"])
 def test_every_column_agrees_with_finite_differences(robot, effects):
     theta = [0.2, 0.3, 0.004, 1e-3, 2e-3, 0.4] if effects else None
