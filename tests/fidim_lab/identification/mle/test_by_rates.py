@@ -106,7 +106,7 @@ def test_bias_and_drift_are_noise(bifilar: Robot) -> None:
     shared = np.concatenate([bifilar.nominal.vector, mechanism.theta])
     likelihood = likelihood_of(mechanism, shared, (recording,), [guess], bifilar.sensors)
     rows = rng.normal(size=3 * len(recording.t))
-    whitened = likelihood.whitened(rows, np.ones((len(recording.t), 1, 3), dtype=bool), recording.t)
+    whitened = likelihood.whitened(0, rows, np.ones((len(recording.t), 1, 3), dtype=bool))
     about = recording.t - recording.t.mean()
     covariance = NOISE**2 * np.eye(len(about)) + 0.05**2 + 1e-3**2 * np.outer(about, about)
     axes = rows.reshape(-1, 3)
