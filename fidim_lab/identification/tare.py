@@ -18,7 +18,7 @@ from fidim_lab.identification.results.result import IdentificationResult, Inerti
 
 
 @dataclass(frozen=True)
-class Weighed:
+class StatedMass:
     """A mass as scales give it, kg."""
 
     mass: float
@@ -29,7 +29,7 @@ class Weighed:
 class Difference:
     """The body that makes the difference."""
 
-    mass: Weighed
+    mass: StatedMass
     parameters: dict[str, InertialParameter]
     """per unit of its own mass, about P; seen where both campaigns show them"""
     about_com: dict[str, InertialParameter]
@@ -45,7 +45,7 @@ class Difference:
 
 
 def difference(
-    loaded: IdentificationResult, empty: IdentificationResult, with_it: Weighed, without: Weighed
+    loaded: IdentificationResult, empty: IdentificationResult, with_it: StatedMass, without: StatedMass
 ) -> Difference:
     """What was added to the empty platform; masses are those of the whole platform in each campaign.
 
@@ -69,7 +69,7 @@ def difference(
         for k, (name, p) in enumerate(loaded.parameters.items())
     }
     alone = replace(loaded, parameters=parameters, covariance=covariance, leave_one_out=None)
-    known = Weighed(mass, float(np.hypot(with_it.sd, without.sd)))
+    known = StatedMass(mass, float(np.hypot(with_it.sd, without.sd)))
     whole = all(p.seen for p in parameters.values())
     off = nearest_existing(Body.from_vector(values), covariance)[1] if whole else 0.0
     return Difference(known, parameters, alone.about_com(), off)

@@ -14,7 +14,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.payload_mass import refuse_other_geometry
 from fidim_lab.identification.results.result import InertialParameter
 from fidim_lab.identification.results.result_file import write_result
-from fidim_lab.identification.tare import Difference, Weighed, difference
+from fidim_lab.identification.tare import Difference, StatedMass, difference
 from fidim_lab.units import millimetres
 
 
@@ -39,7 +39,7 @@ def tare_command(
     if unusable := [one for one in (loaded, bare) if one.outcome in UNUSABLE]:
         reasons = "; ".join(f"{one.campaign}: {one.outcome.value}" for one in unusable)
         raise RefusedError(f"Nothing can be subtracted: {reasons}")
-    found = difference(loaded, bare, *(Weighed(robot.mass, mass_sd) for robot in robots))
+    found = difference(loaded, bare, *(StatedMass(robot.mass, mass_sd) for robot in robots))
     if json_file is not None:
         write_result(json_file, loaded, tare=_json(found, bare.campaign))
     console.out.print(_table(found))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import PerCable, Series
-from fidim_lab.data.own_sensors import angular_rates
+from fidim_lab.data.own_sensors import angular_rates, has_rates_alone
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
@@ -86,6 +86,9 @@ def prepare(window: Window, robot: Robot, *, rates: bool = False) -> FollowedSam
     """
     if rates:
         window = replace(window, markers=angular_rates(window)[:, np.newaxis])
+    elif has_rates_alone(window):
+        says = f"Window {window.id}: a gyroscope's rates alone, which fidim identify takes; this asks for markers."
+        raise RefusedError(says)
     rows = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
     what = "an angular rate" if rates else "a marker"
     if len(rows) < FEWEST:

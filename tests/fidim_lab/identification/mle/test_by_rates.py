@@ -10,10 +10,10 @@ from fidim_lab.data.own_sensors import RATES
 from fidim_lab.data.records import Campaign, Robot, Role, Survey, Window
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.effects.geometry.gyroscope import GyroscopeMount
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
-from fidim_lab.identification.mle.fit import likelihood_of
+from fidim_lab.identification.mle.fit import fit, likelihood_of
 from fidim_lab.identification.mle.starts.start import Guess, first_guesses
 from fidim_lab.identification.mle.trajectories.likelihood import Point, linearised, simulate, stepped
 from fidim_lab.identification.mle.trajectories.recordings import prepare
@@ -124,7 +124,12 @@ def test_a_gyroscope_needs_maximum_likelihood_and_company_of_its_own_kind(bifila
         identify(Campaign("both", bifilar, 50.0, (window, seen)), Method.MLE)
 
 
+def test_what_asks_for_markers_says_so(bifilar: Robot) -> None:
+    with pytest.raises(RefusedError, match="rates alone, which fidim identify takes"):
+        fit(Mechanism(bifilar), [yawing(0.055, 6.0, np.random.default_rng(6))])
+
+
 def test_without_lengths_a_tape_is_asked_for(bifilar: Robot) -> None:
     window = replace(yawing(0.055, 6.0, np.random.default_rng(5)), lengths=None)
-    with pytest.raises(Exception, match="how long the cables are"):
+    with pytest.raises(RefusedError, match="how long the cables are"):
         identify(Campaign("yaw", bifilar, 50.0, (window,)), Method.MLE)
