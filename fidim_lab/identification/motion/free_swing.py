@@ -18,6 +18,9 @@ TREMOR = 1.6
 """times their usual size, from which on it is a hand: chance reaches 1.45 in a minute, tremor of 0.03 rad/s makes 3"""
 MOVING = 6.0
 """times its noise that a rate must be off its mean"""
+AT_ENDS = 0.3
+"""of its usual peaks, which a swing has reached where its window begins and ends: a steady hand may hold so still that
+it has no tremor to be seen by, and a swing is that slow for a tenth of its period only"""
 BESIDE = 0.1
 """s left out at both ends: a hand lets go that slowly"""
 SHORTEST = 5.0
@@ -59,7 +62,7 @@ def free_swings(t: Float[np.ndarray, " N"], rates: Float[np.ndarray, "N 3"]) -> 
     found: list[FreeSwing] = []
     for first, last in edges.reshape(-1, 2):
         off = np.abs(rates[first:last] - np.nanmedian(rates[first:last], axis=0)).max(axis=1)
-        begun = np.flatnonzero(off > MOVING * noise)
+        begun = np.flatnonzero(off > max(MOVING * noise, AT_ENDS * float(np.nanquantile(off, 0.95))))
         if not len(begun):
             continue
         inside = (first + int(begun[0]) + round(BESIDE / step), first + int(begun[-1]) + 1 - round(BESIDE / step))

@@ -68,6 +68,19 @@ def test_every_dialect_gives_the_same_window_without_the_hand(
     assert "came twice" in said
 
 
+@pytest.mark.parametrize("tremor", [0.0, 0.008, 0.015, 0.1])
+def test_steady_and_unsteady_hands_are_left_out(tmp_path: Path, tremor: float) -> None:
+    rng = np.random.default_rng(9)
+    noise = PhoneNoise(tremor=tremor, held=4.0)
+    world = make_world(read_robot(ROBOT), rng)
+    found = record_phone(world, np.array([2.38, 2.38]), np.array([0.05, 0.04]), 12.0, rng, noise, STRAIGHT)
+    code, said = imported(tmp_path, as_phyphox(found), *LENGTHS)
+    assert code == 0, said
+    window = read_campaign(tmp_path / "out").windows[0]
+    assert 3.95 < window.t[0] < 5.0
+    assert window.t[-1] > 15.3
+
+
 def test_turned_axes_are_named(swing: PhoneRecording, tmp_path: Path) -> None:
     upright = replace(swing, rates=swing.rates[:, [1, 2, 0]])  # x of the body is the phone's z, y its x, z its y
     code, said = imported(tmp_path, as_phyphox(upright), *LENGTHS)
