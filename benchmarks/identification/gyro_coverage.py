@@ -1,6 +1,6 @@
 """Is the ± of a pendulum that only a phone recorded right? Errors over ± of simulated sessions, from file to answer.
 
-    python benchmarks/gyro_coverage.py [DRAWS] [FIRST SEED]
+    python benchmarks/identification/gyro_coverage.py [DRAWS] [FIRST SEED]
 
 Each draw: another body 10 to 20 % off the robot file, anchors 1 mm and attachments 0.5 mm off as a usual survey has
 them, cords 0.5 mm off the tape, drag, a phone that lies crooked, with bias, drift, jitter and lost samples; two swings
@@ -22,7 +22,7 @@ from sim_backends.phone import PhoneNoise, as_phyphox, draw_seat, record_phone
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import World, make_world
 
-ROBOT = Path(__file__).parents[1] / "examples" / "robots" / "bifilar.toml"
+ROBOT = Path(__file__).parents[2] / "examples" / "robots" / "bifilar.toml"
 LENGTHS = ("2.38,2.38", "1.88,1.93")
 EACH = 2
 SECONDS = 15.0
