@@ -93,8 +93,8 @@ class Engine:
             self._control.detach()
             await self._cancel_all(hurry=not work.done())
         trip = self.pulse.trip
-        where = f" ({self.pulse.step.text})" if self.pulse.step else ""
-        raise GuardError(f"The {trip.guard} guard stopped the run{where}: {trip.says}.")
+        where = f" It was at “{self.pulse.step.text}”." if self.pulse.step else ""  # last: one line may show no more
+        raise GuardError(f"The {trip.guard} guard stopped the run: {trip.says}.{where}")
 
     async def _cancel_all(self, *, hurry: bool) -> None:
         for task in self._tasks:

@@ -90,7 +90,10 @@ def test_what_was_measured_at_the_end_is_in_sight_under_a_latched_stop(opened, m
         screen.service.become(phase="ended", latched=True, latched_why=why)
         await drawn(screen, "The run has ended")
         screen.service.say(
-            Bye(says=f"run error: The emergency stop guard stopped the run ({step}): {why}. {measured}", exit_code=3)
+            Bye(
+                says=f"run error: The emergency stop guard stopped the run: {why}. It was at “{step}”. {measured}",
+                exit_code=3,
+            )
         )
         await screen.pilot.pause(0.1)
         screen.kill_service()
