@@ -39,7 +39,7 @@ def inspect(
     if len(window.t) < MARKERS.samples_fewest:
         return Inspected(window, (), bad)
     found = [*check_clock(window, rate), *_gaps(window)]
-    frozen, bad = check_frozen(window, noise)
+    frozen, bad = check_frozen(window, np.minimum(noise, sigma.mean(axis=1)))
     grid = even_grid(window.t)
     kept = np.where(bad[..., np.newaxis], np.nan, window.markers)
     columns = grid.spread(_timed(window.t, kept.reshape(len(kept), -1), grid.slots * grid.step + window.t[0]))
@@ -122,13 +122,15 @@ def _lost(window: Window, skip: LostFrames, row: int, step: float) -> Finding:
     return Finding(DefectKind.SKIP, window.id, "t", t, float(skip.frames), "samples", says)
 
 
-def frozen_runs(markers: Float[np.ndarray, "N M 3"], noise: float) -> list[tuple[int, int | None, int, int]]:
+def frozen_runs(
+    markers: Float[np.ndarray, "N M 3"], noise: Float[np.ndarray, " M"]
+) -> list[tuple[int, int | None, int, int]]:
     """(marker, axis or None for all three, begin, end): samples begin … end − 1 are identical."""
     found: list[tuple[int, int | None, int, int]] = []
     same = np.zeros(markers.shape, dtype=bool)
     same[1:] = markers[1:] == markers[:-1]
     for m in range(markers.shape[1]):
-        chance = _chance_of_equal(markers[:, m], noise)
+        chance = _chance_of_equal(markers[:, m], float(noise[m]))
         whole = _long(np.asarray(same[:, m].all(axis=1)), chance, 3)
         found += [(m, None, begin, end) for begin, end in whole]
         covered = np.zeros(len(markers), dtype=bool)
@@ -152,11 +154,14 @@ def _chance_of_equal(marker: Float[np.ndarray, "N 3"], noise: float) -> float:
     apart = np.abs(np.diff(marker, axis=0))
     apart = apart[np.isfinite(apart) & (apart > 1e-12)]
     quantum = float(apart.min()) if len(apart) else noise
-    return float(np.clip(quantum / (2 * np.sqrt(np.pi) * noise), 1e-9, 0.5))
+    return float(np.clip(quantum / max(2 * np.sqrt(np.pi) * noise, quantum), 1e-9, 0.5))
 
 
-def check_frozen(window: Window, noise: float) -> tuple[tuple[Finding, ...], np.ndarray]:
-    """Findings, and which samples (N, M) are frozen; the first of a run too: it may be off, as when a sensor fails."""
+def check_frozen(window: Window, noise: Float[np.ndarray, " M"]) -> tuple[tuple[Finding, ...], np.ndarray]:
+    """Findings, and which samples (N, M) are frozen; the first of a run too: it may be off, as when a sensor fails.
+
+    noise: m, of each marker, as far as it is surely there: without any, rounded values stand still at a reversal.
+    """
     bad = np.zeros(window.markers.shape[:2], dtype=bool)
     found: list[Finding] = []
     for m, axis, begin, end in frozen_runs(window.markers, noise):

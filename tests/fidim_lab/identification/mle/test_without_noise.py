@@ -16,7 +16,7 @@ from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
 
-TELLING = ("low-passed", "not white", "Something is missing", "off its neighbours", "jumps")
+TELLING = ("low-passed", "not white", "bit for bit", "Something is missing", "off its neighbours", "jumps")
 Record = Callable[..., list[Window]]
 
 
@@ -32,7 +32,7 @@ def simulated(four: Robot, record: Record) -> Callable[..., Campaign]:
     return make
 
 
-@pytest.mark.parametrize("digits", [None, 6, 4])
+@pytest.mark.parametrize("digits", [None, 6, 5, 4])
 def test_the_right_model_explains_them_and_no_filter_is_told(
     simulated: Callable[..., Campaign], truth: Callable[[Robot], Body], four: Robot, digits: int | None
 ):
