@@ -158,7 +158,7 @@ def read_files(kind: str, sources: Sequence[Path], options: ImportOptions) -> Ta
         raise SetupError(f"None of {len(files)} files could be read; the first: {next(iter(unread.values()))[:300]}")
     logs, unread_logs = _logs(options, robot.n)
     matched, left = match(takes, logs)
-    unread |= unread_logs | {name: "a log of no take, by name or clock" for name in left}
+    unread |= unread_logs | left
     return Takes(
         kind, _id(options.robot.stem), _with_markers(robot, takes), options.robot, matched, unread, options.asked
     )  # fmt: skip

@@ -22,15 +22,17 @@ TRUSTED_CLOCK = 0.9
 
 ALL_ORDERS = 4
 """cables, of which all 24 orders are tried; 120 of five took too long where none fits"""
+ZONES = ((3600.0, 14), (900.0, 56))
+"""s by which clocks of zones differ, most of them or all, and how many of these on either side"""
 COVERED = 0.5
 """share of a window that its log has to cover to tell the lengths"""
 
 
-def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take, ...], tuple[str, ...]]:
+def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take, ...], dict[str, str]]:
     """Takes with their logs, by name (the same stem, or the same words or numbers in it), else by clock.
 
-    And the logs of no take. A log by clock may serve several takes. Words that all takes, or all logs, have in their
-    names do not count. Raises SetupError where two logs fit one take by name.
+    And the logs of no take, with the reason. A log by clock may serve several takes. Words that all takes, or all logs,
+    have in their names do not count. Raises SetupError where two logs fit one take by name.
     """
     matched: list[Take] = []
     used: set[int] = set()
@@ -51,7 +53,27 @@ def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take
             raise SetupError(f"{named} both belong to {take.markers.source.name} by their names.")
         used.update(fitting)
         matched.append(replace(take, log=logs[fitting[0]]) if fitting else take)
-    return tuple(matched), tuple(log.source.name for k, log in enumerate(logs) if k not in used)
+    return tuple(matched), {log.source.name: _no_take(log, takes) for k, log in enumerate(logs) if k not in used}
+
+
+def _no_take(log: EncoderLog, takes: Sequence[Take]) -> str:
+    """Why a log is left over; with the hours by which its clock is off, if takes then lie within it."""
+    says = "a log of no take, by name or clock"
+    if log.t[0] <= EPOCH:
+        return says
+    for zone, most in ZONES:
+        shifts = zone * np.arange(-most, most + 1)
+        during = [[take for take in takes if _spans(replace(log, t=log.t + shift), take)] for shift in shifts]
+        count = [len(some) for some in during]
+        if max(count) and count.count(max(count)) == 1:
+            shift = float(shifts[np.argmax(count)])
+            hours = f"{abs(shift) / 3600:g} h {'later' if shift > 0 else 'earlier'}"
+            names = ", ".join(take.markers.source.name for take in during[np.argmax(count)][:3])
+            return (
+                f"{says}: by times {hours} it would go on during {names}. If they are local ones, state the zone in "
+                "them (+02:00), or give log and take the same name"
+            )
+    return says
 
 
 def _own_words(stems: Sequence[str]) -> list[tuple[str, ...]]:
