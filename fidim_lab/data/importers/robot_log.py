@@ -29,6 +29,10 @@ from fidim_lab.errors import FileError
 FORMAT = "fidim-log/1"
 FEWEST = 50
 """samples that all cables have in common"""
+COUNTERS = (2.0**16, 2.0**32)
+"""counts after which a counter begins anew"""
+FASTEST = 20.0
+"""m/s of cable: winches wind at a few"""
 SLOWEST = 1.0
 """s between samples: platforms swing with 0.2 Hz and more, so that a longer step is one in a smaller unit"""
 
@@ -75,15 +79,15 @@ def read_robot_log(path: Path, cables: int, map_file: Path | None) -> EncoderLog
     in_seconds = read.dated or float(np.median(np.diff(t))) <= SLOWEST
     unit = "s" if read.dated else said.time_unit or (None if in_seconds else unit_by_steps(t)) or "s"
     picked = [{name: column[np.searchsorted(at, t)] for name, column in found.items()} for at, found in parts]
+    t = t * SECONDS[unit]
+    lengths = [_length(map_file or path, cable, found) for cable, found in zip(said.cable, picked, strict=True)]
     return EncoderLog(
         path,
-        t * SECONDS[unit],
-        np.column_stack(
-            [_length(map_file or path, cable, found) for cable, found in zip(said.cable, picked, strict=True)]
-        ),
+        t,
+        np.column_stack(lengths),
         _all([_swivel(cable, found) for cable, found in zip(said.cable, picked, strict=True)]),
         _all([found.get("current") for found in picked]),
-        (*read.decided, f"times of logs are in {unit}"),
+        (*read.decided, f"times of logs are in {unit}", *_jumps(t, lengths)),
     )
 
 
@@ -128,8 +132,37 @@ def _rows(
 
 
 def _length(path: Path, cable: CableColumns, found: dict[str, np.ndarray]) -> np.ndarray:
-    scale = length_scale(path, "length_unit", cable.length_unit) if cable.counts is None else cable.metres_per_count
-    return found["length"] * float(scale or 1.0)
+    if cable.counts is None:
+        return found["length"] * length_scale(path, "length_unit", cable.length_unit)
+    return _gone_on(found["length"]) * float(cable.metres_per_count or 1.0)
+
+
+def _gone_on(counts: np.ndarray) -> np.ndarray:
+    """Counts of a counter that began anew when it was full, as if it had gone on."""
+    known = np.isfinite(counts)
+    for full in COUNTERS:
+        if known.sum() > 1 and np.ptp(counts[known]) < full and np.abs(np.diff(counts[known])).max() > full / 2:
+            counts = counts.copy()
+            counts[known] = np.unwrap(counts[known], period=full)
+            break
+    return counts
+
+
+def _jumps(t: np.ndarray, lengths: list[np.ndarray]) -> list[str]:
+    """What is told of cables that no winch can wind so fast: a window with such a place is no use with this log."""
+    said: list[str] = []
+    for number, length in enumerate(lengths, start=1):
+        known = np.isfinite(length)
+        steps, at = np.diff(length[known]), t[known][1:]
+        far = np.flatnonzero(np.abs(steps) > FASTEST * np.diff(t[known]))
+        if len(far):
+            k = far[np.argmax(np.abs(steps[far]))]
+            places = f", {len(far)} such places" if len(far) > 1 else ""
+            said.append(
+                f"cable {number} jumps by {steps[k]:+.3g} m within a sample, {at[k] - t[0]:.2f} s after the log's "
+                f"begin{places}: its counter was reset, or readings are wrong there"
+            )
+    return said
 
 
 def _swivel(cable: CableColumns, found: dict[str, np.ndarray]) -> np.ndarray | None:

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.records.import_kinds import ImportOptions, import_kind_command
-from fidim_lab.app.records.import_logs import match, too_much_motion
+from fidim_lab.app.records.import_logs import too_much_motion
 from fidim_lab.app.report.contents.folder import read_folder
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.importers.takes import EncoderLog, Take
 from fidim_lab.data.records import Role
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import SetupError
@@ -97,21 +95,3 @@ def test_a_log_that_moves_more_than_the_markers_is_doubted(scale: float, says: s
     doubt = too_much_motion(scale * (1.7 + np.round(sways, 5)), by_poses)
     assert bool(doubt) == bool(says)
     assert re.search(says, doubt)
-
-
-@pytest.mark.parametrize(
-    ("shift", "says"),
-    [(-2.0, "2 h later .* swing_a.csv, swing_b.csv.*local"), (5.75, "5.75 h earlier"), (0.3, None), (400.0, None)],
-    ids=["two hours", "Nepal", "no zone", "another day"],
-)
-def test_a_log_in_local_time_is_told_by_how_many_hours(shift: float, says: str | None):
-    """Two takes of a minute within a log of five; its clock is `shift` h ahead."""
-    began = 1_770_000_000.0
-    takes = [
-        Take(name, MarkerLog(Path(f"swing_{name}.csv"), ("m1",), 100.0, t, np.zeros((len(t), 1, 3)), began=began + at))
-        for name, at, t in [("a", 30.0, np.arange(6000) / 100), ("b", 120.0, np.arange(6000) / 100)]
-    ]
-    log = EncoderLog(Path("session.log"), began + 3600 * shift + np.arange(0.0, 300.0, 0.1), np.zeros((3000, 4)))
-    matched, left = match(takes, [log])
-    assert [take.log for take in matched] == [None, None]
-    assert re.search(says or "^a log of no take, by name or clock$", left["session.log"])
