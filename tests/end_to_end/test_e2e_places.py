@@ -123,7 +123,7 @@ def found_at_once(ended: Any) -> bool:
         return False
     report = ended.check(held=False)
     assert ended.trip.guard == "geometry"
-    assert "than its encoder says; or markers or motion capture's origin moved" in report.reason
+    assert "so a drum may turn unseen; or markers or motion capture's origin moved" in report.reason
     return True
 
 
