@@ -70,7 +70,7 @@ def _no_take(log: EncoderLog, takes: Sequence[Take]) -> str:
             hours = f"{abs(shift) / 3600:g} h {'later' if shift > 0 else 'earlier'}"
             names = ", ".join(take.markers.source.name for take in during[np.argmax(count)][:3])
             return (
-                f"{says}: by times {hours} it would go on during {names}. If they are local ones, state the zone in "
+                f"{says}: with times {hours} it would cover {names}. If they are local ones, state the zone in "
                 "them (+02:00), or give log and take the same name"
             )
     return says
