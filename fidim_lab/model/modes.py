@@ -11,11 +11,14 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import eigh
 
+from fidim_lab.arrays import Series
 from fidim_lab.data.records import Body
 from fidim_lab.errors import SetupError
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import NEUTRAL_STIFFNESS, Equilibrium, balance
 
+SLOWEST = 0.3
+"""rad/s, which neutral freedoms are taken to have in time"""
 ROTATION_SCALE = 0.2
 """m: the lever that makes a rotation comparable with a displacement"""
 
@@ -34,6 +37,10 @@ class Modes:
     """M⊥ = Ξ⊥ᵀ M Ξ⊥"""
     stiffness: Float[np.ndarray, "free free"]
     """K⊥, the free-motion stiffness"""
+
+    def pulsations(self, faster: float | Float[np.ndarray, " free"] = 1.0) -> Float[np.ndarray, " free"]:
+        """2π f_j, rad/s, times `faster`; at least `SLOWEST`."""
+        return np.maximum(2 * np.pi * self.frequencies * faster, SLOWEST)
 
 
 def modes(
@@ -64,6 +71,16 @@ def modes(
         mass=mass,
         stiffness=stiffness,
     )
+
+
+def swing_rates(
+    turns: Float[np.ndarray, "3 K"], pulsations: Float[np.ndarray, " K"], t: Series
+) -> Float[np.ndarray, "T3 columns"]:
+    """A gyroscope's readings at times t (s), sample by sample, of K modes that turn it so: cosines, sines, its bias."""
+    phases = pulsations * t[:, np.newaxis]
+    waves = [turns * wave[:, np.newaxis] for wave in (np.cos(phases), np.sin(phases))]
+    bias = np.broadcast_to(np.eye(3), (len(t), 3, 3))
+    return np.concatenate([*waves, bias], axis=2).reshape(3 * len(t), -1)
 
 
 def mass_matrix(body: Body, rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "6 6"]:

@@ -64,11 +64,11 @@ def _no_take(log: EncoderLog, takes: Sequence[Take]) -> str:
     for zone, most in ZONES:
         shifts = zone * np.arange(-most, most + 1)
         during = [[take for take in takes if _spans(replace(log, t=log.t + shift), take)] for shift in shifts]
-        count = [len(some) for some in during]
-        if max(count) and count.count(max(count)) == 1:
-            shift = float(shifts[np.argmax(count)])
+        best = max(during, key=len)
+        if best and sum(len(some) == len(best) for some in during) == 1:
+            shift = float(shifts[during.index(best)])
             hours = f"{abs(shift) / 3600:g} h {'later' if shift > 0 else 'earlier'}"
-            names = ", ".join(take.markers.source.name for take in during[np.argmax(count)][:3])
+            names = ", ".join(take.markers.source.name for take in best[:3])
             return (
                 f"{says}: with times {hours} it would cover {names}. If they are local ones, state the zone in "
                 "them (+02:00), or give log and take the same name"

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from fidim_lab.arrays import PerCable
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.modes import modes
+from fidim_lab.model.modes import modes, swing_rates
 
 OPENING = 2.5
 """s that are looked at: a swing, over which a wrong frequency matters little"""
@@ -23,8 +23,6 @@ LEFT, FAR_LESS = 0.3, 0.6
 ones 0.38 and more and 0.46 (16 bodies 10 to 20 % off, two and three cords)"""
 OFF, SWING = 0.02, 0.3
 """rad/s by which rates may differ from those modes throughout, and m/s of a usual swing"""
-SLOWEST = 0.3
-"""rad/s, which neutral freedoms are taken to have"""
 ALIKE = 1.2
 """times what the best way leaves: as good"""
 
@@ -78,7 +76,7 @@ def left_by_axes(
     begins = [(t[t - t[0] <= OPENING] - t[0], rates[t - t[0] <= OPENING]) for t, rates in swings]
     left = {axes: np.inf for axes in (said, *all_axes())}
     for faster in FASTER:
-        pulsations = np.maximum(2 * np.pi * found.frequencies * faster**shares, SLOWEST)
+        pulsations = found.pulsations(faster**shares)
         bases = [_basis(turns, pulsations, t) for t, _ in begins]
         for axes in left:
             turned = [(rates @ turn_of(axes).T).ravel() for _, rates in begins]
@@ -89,8 +87,5 @@ def left_by_axes(
 
 def _basis(turns: np.ndarray, pulsations: np.ndarray, t: np.ndarray) -> Float[np.ndarray, "3T K"]:
     """Orthonormal, of the modes' rates and a bias; shorter where they ask for a large swing to turn a little."""
-    phases = pulsations * t[:, np.newaxis]
-    waves = [turns * wave[:, np.newaxis] for wave in (np.cos(phases), np.sin(phases))]
-    columns = np.concatenate([*waves, np.broadcast_to(np.eye(3), (len(t), 3, 3))], axis=2).reshape(3 * len(t), -1)
-    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    vectors, sizes, _ = np.linalg.svd(swing_rates(turns, pulsations, t), full_matrices=False)
     return vectors * (sizes / np.hypot(sizes, np.sqrt(len(t)) * OFF / SWING))

@@ -63,20 +63,19 @@ def noise_shapes(
     recordings have: a few with swapped or reflected markers do not change it. These are weighed by their own.
     """
     found = [_between_frames(t, markers) for t, markers in recordings]
-    telling = [one for one in found if one.independent.any()]
-    if not telling:
+    if not any(one.independent.any() for one in found):
         return [None] * len(found)
-    slower = _slower(telling, stated) * np.eye(3)
+    slower = _slower(found, stated) * np.eye(3)
     found = [_Noise(one.covariances + slower, one.independent) for one in found]
     telling = [one for one in found if one.independent.any()]
     common, usual = _common(telling), median_low([one.level for one in telling])
     return [_evening(one, common, usual) for one in found]
 
 
-def _slower(telling: Sequence[_Noise], stated: float) -> float:
+def _slower(found: Sequence[_Noise], stated: float) -> float:
     """m², by which the stated noise is more than what most markers show between frames; 0 within chance."""
-    counts = np.concatenate([one.independent for one in telling])
-    covariances = np.concatenate([one.covariances for one in telling])[counts > 0]
+    counts = np.concatenate([one.independent for one in found])
+    covariances = np.concatenate([one.covariances for one in found])[counts > 0]
     fast = float(np.median(np.einsum("mii->m", covariances))) / 3
     chance = np.sqrt(2 / counts.sum()) * float(np.median(np.linalg.norm(covariances, axis=(1, 2)))) / 3
     return stated**2 - fast if stated**2 > fast + BY_CHANCE * chance else 0.0

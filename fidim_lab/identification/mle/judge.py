@@ -39,7 +39,7 @@ class Remainder:
     whiteness: float | None
     """mean of N ρ² over the first lags: 1 ± 0.3 for white residuals, larger where something is left; None if uneven"""
     noise: float | None
-    """m, by fourth differences of the residuals: what no smooth motion explains; at least `MARKERS.finest` of it"""
+    """m, by fourth differences: what no smooth motion explains, and at least `MARKERS.finest` of the stated noise"""
     evening: Float[np.ndarray, "M 3 3"] | None = None
     """by which the noise of each marker becomes even; None where it is"""
 

@@ -15,7 +15,7 @@ from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.modes import modes
+from fidim_lab.model.modes import modes, swing_rates
 from fidim_lab.model.statics import Equilibrium
 
 OPENING = 1.0
@@ -26,8 +26,6 @@ BIAS = 0.02
 """rad/s of the gyroscope"""
 SWING = 0.3
 """of a mode's rate (γᵀ M γ = 1), m/s: a swing of some centimetres"""
-SLOWEST = 0.3
-"""rad/s, which neutral freedoms are taken to have"""
 
 Begin = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"], Float[np.ndarray, "6"]]
 """position, rotation, twist"""
@@ -63,17 +61,12 @@ def _rest(mechanism: Mechanism, body: Body, recording: FollowedSamples) -> Equil
 
 def _begin(mechanism: Mechanism, body: Body, recording: FollowedSamples, rest: Equilibrium) -> Begin:
     found = modes(mechanism, body, rest)
-    pulsations = np.maximum(2 * np.pi * found.frequencies, SLOWEST)
+    pulsations = found.pulsations()
     use = recording.t <= OPENING
     t, rates = recording.t[use], recording.markers[use, 0]
     turns = rest.pose.rotation.T @ found.shapes[3:]
-    phases = pulsations * t[:, np.newaxis]
-    waves = [turns * wave[:, np.newaxis] for wave in (np.cos(phases), np.sin(phases))]
-    columns = np.concatenate([*waves, np.broadcast_to(np.eye(3), (len(t), 3, 3))], axis=2).reshape(
-        -1, 2 * len(pulsations) + 3
-    )
     known = np.array([SWING] * (2 * len(pulsations)) + [BIAS] * 3)
-    system = np.vstack([columns / OFF, np.diag(1 / known)])
+    system = np.vstack([swing_rates(turns, pulsations, t) / OFF, np.diag(1 / known)])
     answer = np.linalg.lstsq(system, np.concatenate([rates.ravel() / OFF, np.zeros(len(known))]), rcond=None)[0]
     cosines, sines = np.split(answer[:-3], 2)
     aside = found.shapes @ (-sines / pulsations)
