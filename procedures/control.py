@@ -69,16 +69,23 @@ def nothing_runs(_word: Word) -> str:
 class Control:
     """One request of an operator at a time, on its way to the engine. For the engine's own event loop only."""
 
-    def __init__(self) -> None:
+    def __init__(self, latched: Callable[[], str] = str) -> None:
+        """latched: why no run may go on, empty where it may; asked when a run begins."""
+        self._latched = latched
         self._word: Word | None = None
         self._said = asyncio.Event()
         self._judge: Judge = nothing_runs
         self._stop: Callable[[str], None] | None = None
 
     def attach(self, judge: Judge, stop: Callable[[str], None]) -> None:
-        """The engine's side: who judges words, and what stops all winches at once."""
+        """The engine's side: who judges words, and what stops all winches at once.
+
+        It does so before this returns where a stop was given while nothing ran yet: after "start", before the engine.
+        """
         self.take()  # what was said to an earlier run is not meant for this one
         self._judge, self._stop = judge, stop
+        if why := self._latched():
+            stop(why)
 
     def detach(self) -> None:
         """The engine has ended: nothing can be told any more."""

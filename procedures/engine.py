@@ -78,12 +78,15 @@ class Engine:
         guards: Sequence[Guard],
         settings: GuardSettings,
     ) -> ProcedureEnd:
-        """Perform all steps while the guards are checked."""
+        """Perform all steps while the guards are checked; none where an emergency stop came before."""
+        self._control.attach(self._judge, self.emergency_stop)
+        if self.pulse.trip is not None:
+            self._control.detach()
+            raise self._tripped(self.pulse.trip)
         work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
         guarding = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings, self._react))
         stopping = asyncio.ensure_future(self._stopped.wait())
         self._tasks = work, guarding, stopping
-        self._control.attach(self._judge, self.emergency_stop)
         try:
             await asyncio.wait({work, guarding, stopping}, return_when=asyncio.FIRST_COMPLETED)
             if self.pulse.trip is None:
@@ -92,9 +95,11 @@ class Engine:
         finally:
             self._control.detach()
             await self._cancel_all(hurry=not work.done())
-        trip = self.pulse.trip
+        raise self._tripped(self.pulse.trip)
+
+    def _tripped(self, trip: Trip) -> GuardError:
         where = f" It was at “{self.pulse.step.text}”." if self.pulse.step else ""  # last: one line may show no more
-        raise GuardError(f"The {trip.guard} guard stopped the run: {trip.says}.{where}")
+        return GuardError(f"The {trip.guard} guard stopped the run: {trip.says}.{where}")
 
     async def _cancel_all(self, *, hurry: bool) -> None:
         for task in self._tasks:

@@ -99,7 +99,7 @@ class Service:
         factors = [winch.newton_per_ampere for winch in robot.winches or ()]
         names = [winch.name for winch in opened.rig.winches]
         self.clock: Clock = opened.rig.clock
-        self.control = Control()
+        self.control = Control(lambda: self._command_handler.latch.why)
         self.experiment = experiment
         self.identity = identity
         self.hub = Hub(self._answer, self._greet, self._left)

@@ -33,6 +33,7 @@ from fidim_lab.app.service.messages import (
 from fidim_lab.app.service.process.board import DefaultAnswer
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError
+from sim_backends.drive.axis.machine import State
 
 
 def test_a_run_told_to_a_client_from_start_to_end(serving):
@@ -153,6 +154,23 @@ def test_anybodys_emergency_stop_stops_at_once_and_stays_latched(serving):
             assert (await one.command(Shutdown())).ok
 
     assert serving.run(script) == 3
+
+
+@pytest.mark.parametrize("after", [0.0, 0.04])
+def test_an_emergency_stop_before_a_run_has_really_begun_keeps_it_from_beginning(serving, after):
+    """Between "start" and the engine a stop found nothing running: it was confirmed, and the run moved all winches."""
+
+    async def script(s):
+        async with s.client("one") as one, s.client("visitor") as visitor:
+            await s.begin(one)
+            await s.service.clock.sleep(after)
+            assert (await visitor.command(EmergencyStop(reason="smoke"))).ok
+            ended = await s.until(one, lambda m: isinstance(m, Happening) and m.kind == "run-finished")
+            assert "emergency stop by visitor" in ended.reason
+            assert "It was at" not in ended.reason, "no step has begun"
+
+    assert serving.run(script) == 3
+    assert {drive.state for drive in serving.rig.drives} == {State.SWITCH_ON_DISABLED}
 
 
 def test_pause_and_resume_by_command(serving):
