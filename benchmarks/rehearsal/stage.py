@@ -41,7 +41,7 @@ class MocapFaults:
         self.begin = 0.0
 
     def add(self, kind: str, seconds: float, *more: Any) -> None:
-        """From now on: "occlusions", "freezes", "silences", "strays"; "jumps" with an offset, "replays" with frames."""
+        """From now on: "occlusions", "freezes", "silences", "strays"; "jumps" with an offset; "replays"."""
         since = self.now() - self.begin - 1.0 / RATE  # a stream begins one period after its server
         during = During(since, since + seconds)
         self._added[kind].append(_MAKES[kind](during, *more))

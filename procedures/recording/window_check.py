@@ -1,6 +1,7 @@
 """Judging a recorded window: samples complete, tensions positive, motors still, amplitude useful. Pure functions."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,6 +38,12 @@ def window_measurements(
     return (
         Measurement("part of marker samples that are there", float(seen.mean()), "", low=limits.complete),
         Measurement("longest gap of the marker", _longest_gap(seen) / recording.rate, "s", high=limits.longest_gap),
+        Measurement(
+            "longest repetition of earlier places of the marker",
+            _longest_repetition(place, seen) / recording.rate,
+            "s",
+            high=limits.longest_gap,
+        ),
         Measurement(
             "shift of the frame numbers against this computer's clock",
             _shift(recording.arrivals, recording.rate),
@@ -79,6 +86,20 @@ def moving_average(values: Series, count: int) -> Series:
 
 def _longest_gap(seen: Mask) -> int:
     return max((end - begin for begin, end in runs(~seen)), default=0)
+
+
+def _longest_repetition(place: Positions, seen: Mask) -> int:
+    """Samples (N, 3) in a row that are exactly those of an earlier stretch: a stream that sends old places as new ones.
+
+    Single ones may be equal by chance, where a stream has few digits.
+    """
+    lags = np.zeros(len(place), dtype=np.int64)
+    _, first, which = np.unique(place[seen], axis=0, return_index=True, return_inverse=True)
+    at = np.flatnonzero(seen)
+    lags[at] = at - at[first[which.ravel()]]
+    bounds = np.flatnonzero(np.diff(lags, prepend=-1, append=-1))
+    stretches = [end - begin for begin, end in pairwise(bounds.tolist()) if lags[begin]]
+    return max((count for count in stretches if count >= FROZEN), default=0)
 
 
 def _shift(arrivals: Series, rate: float) -> float | None:

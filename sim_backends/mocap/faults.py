@@ -51,6 +51,8 @@ class Replay:
     during: During
     frames: int
     """by how many it is behind"""
+    renumbered: bool = False
+    """the places are old, the numbers are not"""
 
 
 STRAY_COUNT = 500_000

@@ -15,7 +15,7 @@ Truth = Callable[[float], Sequence[Sequence[float]] | np.ndarray]
 """True marker positions (M, 3), motion-capture frame, m, at a host time in s; asked once for each frame, in order"""
 
 REMEMBERED = 1000
-"""packets that a fault can repeat"""
+"""frames that a fault can repeat"""
 _ROUNDING = 1e-9
 """s; a clock that sleeps until a due time may wake this much earlier"""
 
@@ -65,7 +65,7 @@ class MocapServer:
         self._noise_rng, self._delay_rng, damage_rng = self.rng.spawn(3)
         self.damage = Damage(self.faults, damage_rng, period=self.timing.period, is_stream=self.encoder.is_stream)
         self._last_due = 0.0
-        self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
+        self._sent: deque[tuple[int, list[tuple[float, float, float] | None]]] = deque(maxlen=REMEMBERED)
         self._frozen: dict[int, tuple[float, float, float]] = {}
 
     def expose(self, index: int, start: float) -> list[BytesOnTheWay]:
@@ -76,17 +76,19 @@ class MocapServer:
         if any(since in silence for silence in self.faults.silences):
             return []
         number = self.timing.first_number + index
-        pieces = self.damage.apply(due, self._packet(since, self.encoder.encode(number, measured)))
+        pieces = self.damage.apply(due, self._packet(since, number, measured))
         if any(since in stray for stray in self.faults.strays):
             old = [None if place is None else (place[0] + STRAY_PLACE, *place[1:]) for place in measured]
             pieces.append(BytesOnTheWay(due, self.encoder.encode(number + STRAY_COUNT, old)))
         return pieces
 
-    def _packet(self, since: float, packet: bytes) -> bytes:
+    def _packet(self, since: float, number: int, measured: list[tuple[float, float, float] | None]) -> bytes:
         """The newest packet, or an older one where a fault repeats it."""
-        self._sent.append(packet)
-        behind = max((replay.frames for replay in self.faults.replays if since in replay.during), default=0)
-        return self._sent[max(-1 - behind, -len(self._sent))]
+        self._sent.append((number, measured))
+        repeats = [replay for replay in self.faults.replays if since in replay.during]
+        behind = max((replay.frames for replay in repeats), default=0)
+        old, places = self._sent[max(-1 - behind, -len(self._sent))]
+        return self.encoder.encode(number if any(replay.renumbered for replay in repeats) else old, places)
 
     def measure(self, since: float, t: float) -> list[tuple[float, float, float] | None]:
         """What is seen of each marker (m) `since` s after the first frame, at host time t."""

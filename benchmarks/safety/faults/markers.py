@@ -87,3 +87,10 @@ def flickers(draw: Draw) -> Fault:
 def strays(draw: Draw) -> Fault:
     seconds = lasting(draw)
     return Fault(f"frames of an earlier session come as well {over(seconds)}", lambda s: s.mocap.add("strays", seconds))
+
+
+@kind("motion capture", "old places under new numbers", *ANY)
+def old_places(draw: Draw) -> Fault:
+    seconds, behind = lasting(draw), draw.whole(5, 300)
+    says = f"each place is that of {behind} frames before, under its new number, {over(seconds)}"
+    return Fault(says, lambda stage: stage.mocap.add("replays", seconds, behind, True))

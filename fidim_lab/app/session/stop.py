@@ -67,8 +67,9 @@ async def _stop(place: ServicePlace, who: Holder, reason: str) -> int:
     try:
         says = await within(LoopClock(), ANSWER_WITHIN, _press(place, reason))
     except (SetupError, ServiceGoneError, RefusedError, TimeoutError):
-        did = await _end(place, who.pid)
-        did = f"{did} {_keep(place, who, reason)}".strip()
+        # At once, so that the rig is latched though this command is killed, too; beside it, for a disk may hang.
+        keeping = asyncio.get_running_loop().run_in_executor(None, _keep, place, who, reason)
+        did = f"{await _end(place, who.pid)} {await keeping}".strip()
         console.err.print(
             f"The service of run {folder} does not answer. {did} PRESS THE HARDWARE EMERGENCY STOP if the robot moves.",
             markup=False,

@@ -121,3 +121,17 @@ def test_a_stream_that_falls_behind(rehearsal, scene, fault):
     """Each frame has its own number still, but the winches' samples beside it are another time's."""
     rehearsal.settings = scene.short(seconds=3.0)
     fault.strikes(rehearsal, lambda stage: stage.mocap.add("replays", 1e3, 50), after=1.2)
+
+
+@pytest.mark.fault(
+    "motion capture",
+    "the stream falls behind by 0.2 s under new numbers",
+    reaction="the window is recorded again",
+    says="longest repetition of earlier places of the marker is 0.2 s",
+    window="rejected, recorded again",
+    journal="STEP_FINISHED",
+)
+def test_a_stream_that_repeats_places_under_new_numbers(rehearsal, scene, fault):
+    """The jump to a place of a similar phase is small, and numbers and times go on: the window was accepted."""
+    rehearsal.settings = scene.short(seconds=3.0)
+    fault.strikes(rehearsal, lambda stage: stage.mocap.add("replays", 2.0, 20, True), after=1.2)

@@ -89,6 +89,17 @@ CASES = {
         Outcome.FAIL,
         "is 0.2 s (at most 0.1 s",
     ),
+    "old places under new numbers": (
+        lambda r: r.markers.__setitem__(slice(300, 377), r.markers[223:300]),
+        Outcome.FAIL,
+        "longest repetition of earlier places of the marker is 0.77 s (at most 0.1 s",
+    ),
+    "a stream that falls behind under new numbers": (
+        lambda r: r.markers.__setitem__(slice(377, None), r.markers[300:-77].copy()),
+        Outcome.FAIL,
+        "longest repetition of earlier places of the marker is 0.77 s (at most 0.1 s",
+    ),
+    "a stream of few digits": (lambda r: r.markers.__setitem__(..., r.markers.round(4)), Outcome.PASS, ""),
     "a few lost": (lambda r: r.markers.__setitem__(slice(0, 950, 100), np.nan), Outcome.PASS, ""),
     "many lost": (lambda r: r.markers.__setitem__(slice(0, 1000, 20), np.nan), Outcome.FAIL, "part of marker samples"),
     "nothing seen": (lambda r: r.markers.fill(np.nan), Outcome.FAIL, "amplitude (peak to peak) was not measured"),

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from fidim_lab.app.service.place import ServicePlace
+from fidim_lab.data.rigs.stop_file import read_stop
 
 FIDIM = [sys.executable, "-c", "import sys; from fidim_lab.app.cli import run; sys.exit(run(sys.argv[1:]))"]
 
@@ -103,6 +104,21 @@ def test_a_service_that_hangs_and_ignores_a_polite_signal_is_killed(place):
         assert process.exitcode == -signal.SIGKILL
     assert f"Its process {process.pid} was ended (SIGKILL)" in done.stderr
     assert "\x1b" not in done.stderr
+
+
+def test_a_stop_that_is_killed_while_it_waits_for_the_service_has_latched_the_rig(place):
+    kept = place.folder / "rig.stopped.toml"
+    told = json.dumps({"pid": 0, "folder": "r", "stopped": str(kept)}).replace("0", "PID", 1)
+    with service(place, told, listens=True, deaf=True) as process:
+        stopping = subprocess.Popen(
+            [*FIDIM, "stop", "--reason", "smoke"], env={**os.environ, "FIDIM_RUNTIME_DIR": str(place.folder)}
+        )
+        while not kept.exists() and stopping.poll() is None:
+            process.join(0.01)
+        assert process.is_alive(), "it was latched only after the service had been ended"
+        stopping.kill()
+        stopping.wait(60.0)
+    assert read_stop(kept).why == "smoke"
 
 
 @pytest.mark.parametrize("changed", [{}, {"XDG_RUNTIME_DIR": "/nowhere"}, {"TMPDIR": "/nowhere", "HOME": "/nowhere"}])
