@@ -1,4 +1,4 @@
-"""Names for the array shapes of this project: N samples, n cables, λ = 6 − n freedoms; and `runs` of a mask.
+"""Names for array shapes: N samples, n cables, λ = 6 − n freedoms; `runs` of a mask, means of what is seen.
 
 jaxtyping annotations; they are checked at run time only under pytest.
 """
@@ -26,3 +26,17 @@ def runs(mask: Mask) -> list[tuple[int, int]]:
     """Begin and end (exclusive) of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
     return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def mean_of_seen(values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Mean along the first axis of what is finite; NaN where nothing is."""
+    seen = np.isfinite(values)
+    count = seen.sum(axis=0)
+    return np.where(count > 0, np.where(seen, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+def motion_rms(values: Float[np.ndarray, "..."]) -> float:
+    """rms of all columns about their means, in their unit, of what is finite; NaN where nothing is."""
+    away = values - mean_of_seen(values)
+    seen = np.isfinite(away)
+    return float(np.sqrt(np.mean(away[seen] ** 2))) if seen.any() else np.nan

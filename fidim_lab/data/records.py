@@ -251,6 +251,17 @@ class Window:
         """s"""
         return float(self.t[-1] - self.t[0])
 
+    def middle(self, on_body: np.ndarray) -> Vector3 | None:
+        """Mean place of the main marker, world frame, m; by the marker that is seen most, as if the body did not turn.
+
+        on_body: (M, 3) m, the markers on the body. None where no marker is seen.
+        """
+        seen = np.isfinite(self.markers).all(axis=2)
+        most = int(np.argmax(seen.sum(axis=0)))
+        if not seen[:, most].any():
+            return None
+        return self.markers[seen[:, most], most].mean(axis=0) + on_body[0] - on_body[most]
+
     def of_rows(self, rows: slice | np.ndarray) -> "Window":
         """Some of its samples: a slice, or a mask or numbers of rows."""
         return replace(

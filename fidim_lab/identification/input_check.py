@@ -33,7 +33,7 @@ def check(campaign: Campaign) -> tuple[str, ...]:
         for w in fitted
         if not _moves(w, campaign.robot)
     ]
-    notes += _one_equilibrium(fitted)
+    notes += _one_equilibrium(fitted, campaign.robot.markers)
     return tuple(notes)
 
 
@@ -89,17 +89,18 @@ def _refuse_stillness(campaign: Campaign, fitted: Sequence[Window]) -> None:
     )
 
 
-def _one_equilibrium(fitted: Sequence[Window]) -> list[str]:
+def _one_equilibrium(fitted: Sequence[Window], on_body: np.ndarray) -> list[str]:
     """With every window at one place, an error of the geometry there is the same in all of them."""
     if len(fitted) < 2:
         return []
     if all(w.lengths is not None and np.isfinite(w.lengths).any(axis=0).all() for w in fitted):
         places = np.array([np.nanmean(w.lengths, axis=0) for w in fitted if w.lengths is not None])
         what = "cable lengths"
-    elif all(np.isfinite(w.markers[:, 0]).any() for w in fitted):
-        places, what = np.array([np.nanmean(w.markers[:, 0], axis=0) for w in fitted]), "mean marker positions"
     else:
-        return []
+        middles = [middle for w in fitted if (middle := w.middle(on_body)) is not None]
+        if len(middles) < len(fitted):
+            return []
+        places, what = np.array(middles), "mean marker positions"
     apart = float((places.max(axis=0) - places.min(axis=0)).max())
     if apart > ONE_PLACE:
         return []

@@ -94,7 +94,7 @@ def _refuse_mistakes(seen: Screening) -> tuple[str, ...]:
 def _refuse_gravity(campaign: Campaign) -> None:
     """Raise RefusedError where every cable pulls the way that gravity pulls, in every window: nothing rests so."""
     robot = campaign.robot
-    middles = [np.nanmean(w.markers[:, 0], axis=0) for w in campaign.windows if np.isfinite(w.markers[:, 0]).any()]
+    middles = [middle for w in campaign.windows if (middle := w.middle(robot.markers)) is not None]
     if not middles:
         return
     up = -robot.gravity / np.linalg.norm(robot.gravity)

@@ -71,7 +71,7 @@ def _read(campaign: Campaign) -> _Readings:
     zeros, along = [np.zeros((0, robot.n))], [np.zeros((0, robot.n, 3))]
     mechanism = Mechanism(robot)
     for window in campaign.windows:
-        if window.encoder_zeros is None or not np.isfinite(window.markers[:, 0]).all(axis=1).any():
+        if window.encoder_zeros is None or window.middle(robot.markers) is None:
             continue
         pose = rest_pose(mechanism, window)
         try:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.arrays import motion_rms
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
 from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
@@ -226,7 +227,7 @@ def working_noise(robot: Robot, windows: Sequence[Window]) -> float:
 
     It is the same for `LASTING` seconds, and all coordinates of a rigid body's markers hold `RIGID` numbers.
     """
-    rms = float(np.sqrt(np.mean([_motion(window) ** 2 for window in windows])))
+    rms = float(np.sqrt(np.mean([motion_rms(window.markers) ** 2 for window in windows])))
     rate = float(np.median([1 / np.median(np.diff(window.t)) for window in windows]))
     coordinates = float(np.median([window.markers[0].size for window in windows]))
     counted = max(1.0, rate * LASTING) * max(1.0, coordinates / RIGID)
@@ -257,8 +258,3 @@ def _restated(left: Remainder, ratio: float) -> Remainder:
 
 def _rms(found: Fit) -> float:
     return float(np.sqrt(np.mean([each.rms**2 for each in found.remainders])))
-
-
-def _motion(window: Window) -> float:
-    """rms of the markers about their means, m."""
-    return float(np.sqrt(np.nanmean((window.markers - np.nanmean(window.markers, axis=0)) ** 2)))

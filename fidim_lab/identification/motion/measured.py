@@ -102,10 +102,15 @@ def held_lengths(window: Window) -> np.ndarray:
 
 
 def rest_pose(mechanism: Mechanism, window: Window) -> Pose:
-    """A pose near the window's motion: the equilibrium of the nominal body, else the unrotated one at the marker."""
+    """A pose near the window's motion: the equilibrium of the nominal body, else the unrotated one at the markers.
+
+    Raises SetupError where the lengths of a cable or all markers are missing.
+    """
     lengths = held_lengths(window)
     robot = mechanism.robot
-    middle = np.nanmean(window.markers[:, 0], axis=0)
+    middle = window.middle(robot.markers)
+    if middle is None:
+        raise SetupError(f"Window {window.id}: no marker is seen in any sample.")
     upright = Pose(position=middle - robot.marker, rotation=np.eye(3))
     try:
         return pose_from_lengths(mechanism, robot.nominal, lengths, upright).pose

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fidim_lab.arrays import motion_rms
 from fidim_lab.data.records import Body, Motion, Pose, Robot
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.motion.measured import MeasuredMotion, held_lengths
@@ -111,7 +112,7 @@ def _judge(robot: Robot, markers: np.ndarray, motion: Motion, fitted: int) -> Pr
     predicted = _seen(robot, motion, markers.shape[1])
     residuals = markers - predicted
     rms = float(np.sqrt(np.nanmean(residuals**2)))
-    if not rms < LOST * float(np.sqrt(np.nanmean((markers - np.nanmean(markers, axis=0)) ** 2))):
+    if not rms < LOST * motion_rms(markers):
         return None
     dof = int(np.isfinite(residuals).sum()) - fitted
     chi2 = float(np.nansum((residuals / robot.sensors.marker_noise) ** 2)) / dof

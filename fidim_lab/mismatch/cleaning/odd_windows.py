@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fidim_lab.arrays import mean_of_seen, motion_rms
 from fidim_lab.data.records import Window
 from fidim_lab.identification.markers.finding import DefectKind, Finding, marker_channel, marker_name
 from fidim_lab.identification.markers.thresholds import MARKERS
@@ -44,8 +45,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
     seen, noise = window.markers[rows[later]], found.likelihood.noise
     off = np.stack([seen - predicted[later + k] for k in range(MARKERS.most_lost + 1)]) / noise
     chi2 = np.nanmean(off**2, axis=(1, 2, 3))
-    moved = off[0] - np.nanmean(off[0], axis=0)
-    still = float(np.nanmean(moved**2))
+    still = motion_rms(off[0]) ** 2
     t, best = (contact.begin, contact.end), int(np.argmin(chi2))
     if (
         best
@@ -59,7 +59,7 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
         )
         return Finding(DefectKind.SKIP, window.id, "t", t, float(best), "samples", says)
     if still < CLEANING.odd_windows_carried and CLEANING.odd_windows_better * still < chi2[0]:
-        by = noise * np.nanmean(off[0], axis=0)
+        by = noise * np.nan_to_num(mean_of_seen(off[0]))
         marker = int(np.argmax(np.linalg.norm(by, axis=1)))
         axis, size = int(np.argmax(np.abs(by[marker]))), float(np.linalg.norm(by[marker]))
         says = (
@@ -75,9 +75,9 @@ def _carried_on(found: Fit, window: Window, rows: np.ndarray, before: np.ndarray
     beyond = window.t[rows[-1]] + step * np.arange(1, MARKERS.most_lost + 1)
     markers = window.markers[rows].copy()
     # only times are needed of what is not fitted: any place will do there
-    markers[~before] = np.nanmean(markers[before], axis=0)
+    markers[~before] = mean_of_seen(markers[before])
     filled = np.concatenate([markers, np.repeat(markers[-1:], MARKERS.most_lost, axis=0)])
-    filled = np.where(np.isfinite(filled), filled, np.nanmean(markers, axis=0))
+    filled = np.where(np.isfinite(filled), filled, mean_of_seen(markers))
     t = np.concatenate([window.t[rows], beyond])
     lengths = None if window.lengths is None else np.tile(np.nanmean(window.lengths, axis=0), (len(t), 1))
     ours = replace(window, t=t, markers=filled, lengths=lengths, currents=None, further={})

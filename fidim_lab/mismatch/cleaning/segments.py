@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.arrays import motion_rms
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
@@ -44,9 +45,7 @@ class Segmented:
         found = np.full(len(self.chi2_per_dof), np.nan)
         for k, (begin, end) in enumerate(pairwise(self.edges)):
             markers = self.window.markers[(self.window.t >= begin) & (self.window.t < end)]
-            seen = markers[:, np.isfinite(markers).any(axis=(0, 2))]
-            if seen.size:
-                found[k] = np.sqrt(np.nanmean((seen - np.nanmean(seen, axis=0)) ** 2))
+            found[k] = motion_rms(markers)
         return found
 
 

@@ -178,10 +178,9 @@ def rest_near(mechanism: Mechanism, body: Body, recording: FollowedSamples) -> E
     """Where the platform rests with its main marker in the middle of a window; None where it cannot, or is not seen."""
     place = recording.window.equilibrium
     if place is None:
-        main = recording.markers[:, 0]
-        if not np.isfinite(main).all(axis=1).any():
-            return None
-        place = np.nanmean(main, axis=0)
+        place = recording.window.middle(mechanism.robot.markers)
+    if place is None:
+        return None
     try:
         return equilibrium_at(mechanism, body, place)
     except InfeasibleError:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.arrays import motion_rms
 from fidim_lab.data.records import Body
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, Simulation, simulate
 from fidim_lab.identification.mle.trajectories.normal import NearBody, Prior
@@ -242,14 +243,7 @@ def is_lost(likelihood: Likelihood, simulation: Simulation, w: int) -> bool:
     if not seen[late].any():
         return False
     missed = float(np.sqrt(np.nanmean(left[late] ** 2)))
-    return missed > LOST * _motion(recording.markers[use]) and missed > FAINT * likelihood.noise
-
-
-def _motion(markers: Float[np.ndarray, "K M 3"]) -> float:
-    """rms of what is recorded about its mean, over all coordinates, m."""
-    columns = markers.reshape(len(markers), -1)
-    columns = columns[:, np.isfinite(columns).any(axis=0)]
-    return float(np.sqrt(np.nanmean((columns - np.nanmean(columns, axis=0)) ** 2)))
+    return missed > LOST * motion_rms(recording.markers[use]) and missed > FAINT * likelihood.noise
 
 
 def _cut_slack(way: _Way, found: Optimum | None, stop: float, effort: Effort) -> tuple[_Way, Optimum | None]:
