@@ -256,7 +256,7 @@ class Window:
 
         on_body: (M, 3) m, the markers on the body. None where no marker is seen.
         """
-        seen = np.isfinite(self.markers).all(axis=2)
+        seen = np.asarray(np.isfinite(self.markers).all(axis=2))
         most = int(np.argmax(seen.sum(axis=0)))
         if not seen[:, most].any():
             return None
