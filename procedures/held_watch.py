@@ -24,27 +24,39 @@ async def watch_held(
     settings: Settings,
     moved: Callable[[str, Held], None],
 ) -> None:
-    """Look for ever at winches that have stopped; ends only when none can be seen any more.
+    """Look for ever at winches that have stopped; ends only when one did not obey, or cannot be seen any more.
 
     moved: told what moved, and what came of the stop that was then given.
     """
+    contradicted = {winch.name for winch in winches if (sample := winch.latest()) is not None and sample.blind}
     while stopped and all(one.obeyed for one in stopped):
-        says = await _one_moves(clock, winches, stopped, settings)
+        says = await _one_moves(clock, winches, stopped, settings, contradicted)
         held = await hold_robot(clock, winches, settings.hold, settings.guard, latched=True)
         moved(f"After the stop, {says}.", held)
         stopped = held.winches
 
 
 async def _one_moves(
-    clock: Clock, winches: Sequence[Winch], stopped: Sequence[StoppedWinch], settings: Settings
+    clock: Clock,
+    winches: Sequence[Winch],
+    stopped: Sequence[StoppedWinch],
+    settings: Settings,
+    contradicted: set[str],
 ) -> str:
-    """Wait until one does; what is wrong with it."""
+    """Wait until one does, or until its encoder is contradicted, which then shows nothing; what is wrong with it.
+
+    contradicted: those of whom that has been told.
+    """
     tolerance = Tolerance.of(settings.guard)
     places = [None if one.place is None else Trajectory.standing(clock.now(), one.place) for one in stopped]
     followers = [Follower(tolerance) for _ in winches]
     while True:
         for winch, follower, place in zip(winches, followers, places, strict=True):
-            if says := follower.look(winch.latest(), place):
+            sample = winch.latest()
+            if sample is not None and sample.blind and winch.name not in contradicted:
+                contradicted.add(winch.name)
+                return f"{winch.name} reports a fault: {sample.fault}"
+            if says := follower.look(sample, place):
                 return f"{winch.name} {says}"
         await clock.sleep(settings.guard.period)
 

@@ -221,11 +221,15 @@ class _Run:
         if not pulse.touched and not powered:
             return UNTOUCHED
         latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
-        held = await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)
-        why = "markers contradict the encoders" * (pulse.trip is not None and pulse.trip.guard == geometry_guard.NAME)
-        blind = [w.name for w in self._rig.winches if (sample := w.latest()) is not None and sample.blind]
-        why = why or f"the encoder of {' and '.join(blind)} is contradicted by its drive" * bool(blind)
-        return held.doubted(why) if why else held
+        by_markers = pulse.trip is not None and pulse.trip.guard == geometry_guard.NAME
+        return await hold_robot(
+            self._rig.clock,
+            self._rig.winches,
+            settings.hold,
+            settings.guard,
+            latched=latched,
+            doubt="markers contradict the encoders" * by_markers,
+        )
 
     async def _write_down(self, report: RunReport) -> str:
         """The journal's last lines; returns why the disk did not take all, which must not hide the report."""

@@ -43,13 +43,20 @@ UNTOUCHED = Held(ok=True, says="This run moved nothing.")
 
 
 async def hold_robot(
-    clock: Clock, winches: Sequence[Winch], settings: HoldSettings, guard: GuardSettings, *, latched: bool
+    clock: Clock,
+    winches: Sequence[Winch],
+    settings: HoldSettings,
+    guard: GuardSettings,
+    *,
+    latched: bool,
+    doubt: str = "",
 ) -> Held:
     """Stop all winches at once and prove it. Never raises for what a device does.
 
     latched: a quick stop was given, which no hold may take back; it is repeated to drives that still run. A winch that
     refuses to hold, or does not answer in time, gets a quick stop too. One that does not obey that, or is not seen to,
     is stopped by NMT; then host's heartbeat and SYNC are withheld from all, so that each drive's own watchdog acts.
+    What an encoder shows that was contradicted proves nothing. doubt: what contradicts all of them, in words.
     """
     stops = [Stopping(winch, clock.now(), settings, guard, quick_stopped=latched) for winch in winches]
     holds = [
@@ -71,7 +78,10 @@ async def hold_robot(
     refusals = await asyncio.gather(*holds)
     if any(stop.forced for stop in stops):
         await _by_watchdog(clock, stops, settings)
-    return _held(winches, [stop.told() for stop in stops], refusals)
+    held = _held(winches, [stop.told() for stop in stops], refusals)
+    blind = [winch.name for winch in winches if (sample := winch.latest()) is not None and sample.blind]
+    doubt = doubt or f"the encoder of {' and '.join(blind)} is contradicted by its drive" * bool(blind)
+    return held.doubted(doubt) if doubt else held
 
 
 async def _by_watchdog(clock: Clock, stops: Sequence[Stopping], settings: HoldSettings) -> None:

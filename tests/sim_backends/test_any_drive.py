@@ -1,14 +1,19 @@
 """Whatever a drive's dictionary lacks or keeps to itself: it is refused before it has power, or walks the whole way."""
 
+import asyncio
 import re
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.drives.bench import PROOFS, walk, winch_config
+from benchmarks.drives.bench import PROOFS, DriveBench, walk, winch_config
 from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily, Load
+from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.profile import Mode
+from drivers.cia402.watch import CanopenMaster
+from drivers.ports import DriveState
+from sim_backends.jumping_loop import run
 
 SECTIONS = re.compile(r"^\[([0-9A-F]{4})(?:sub([0-9A-F]+))?\]\n(?:(?!\[).*\n?)*", re.MULTILINE)
 TEXT = GENERIC_EDS.read_text(encoding="utf-8")
@@ -65,3 +70,27 @@ def test_one_that_lacks_nothing_walks(tmp_path, mode):
     path = tmp_path / "drive.eds"
     path.write_text(spoilt(set(), set(), set()), encoding="utf-8")
     assert walk(winch_config(path, DriveFamily(), mode=mode)).stage == "power off"
+
+
+@pytest.mark.parametrize("lacks", [set(), {"606C"}])
+def test_a_drive_that_a_killed_host_has_left_is_taken_over_with_or_without_a_velocity(tmp_path, lacks):
+    path = tmp_path / "drive.eds"
+    path.write_text(spoilt(lacks, set(), set()), encoding="utf-8")
+
+    async def script():
+        async with DriveBench(winch_config(path, DriveFamily())) as bench:
+            await bench.winch.configure()
+            await bench.winch.enable()
+            await bench.winch.move_to(1.5, 0.1, 0.5)
+            await bench.clock.sleep(0.5)
+            bench.tasks.pop(0).cancel()
+            await bench.clock.sleep(1.0)
+            master = CanopenMaster(bench.bus, bench.clock)
+            winch = Cia402Winch(bench.config, master, takes_over=True)
+            bench.tasks.append(asyncio.ensure_future(master.run()))
+            await winch.configure()
+            return winch.latest()
+
+    sample = run(script())
+    assert sample.state is DriveState.QUICK_STOP_ACTIVE
+    assert 1.0 < sample.length < 1.1

@@ -15,6 +15,7 @@ from drivers.cia402.bring_up.inspection import InspectedObject, Standing, inspec
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.settings import SettingCheck, interpolation
 from drivers.cia402.profile.machine import Command, state_of
+from drivers.cia402.profile.scale import wrap32
 from drivers.cia402.profile.words import controlword, mode_name
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
@@ -28,6 +29,8 @@ _LOOK = 0.01
 """s between two questions by SDO"""
 _STANDSTILL = 0.005
 """of the highest speed"""
+_WATCHED = 0.1
+"""s between two places that tell a speed: at standstill a count more or less is 0.2 mm/s at 20 µm a count"""
 _JUDGED_ELSEWHERE = ("6041:0", "1001:0")
 """state and error register: what they are is why we are here"""
 _MOVES = (DriveState.OPERATION_ENABLED, DriveState.FAULT_REACTION)
@@ -75,7 +78,7 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
     slowest = config.drive_velocity(_STANDSTILL * config.max_speed)
     deadline = clock.now() + config.step_timeout + config.max_speed / config.quick_stop_deceleration
     while True:
-        state, speed = state_of(await link.sdo.read(0x6041)), abs(await link.sdo.read(0x606C))
+        state, speed = state_of(await link.sdo.read(0x6041)), abs(await _velocity(clock, link, config))
         leaves = state is DriveState.QUICK_STOP_ACTIVE and not config.stop.holds_in_quick_stop
         if not leaves and state not in (*_MOVES, DriveState.SWITCHED_ON) and speed <= slowest:
             return state
@@ -83,6 +86,16 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
             found = f"{state}, {config.cable_speed(speed):+.3f} m/s"
             raise DeviceError(config.device, f"was left running and does not stop: {found}.", hint="Stop it by hand.")
         await clock.sleep(_LOOK)
+
+
+async def _velocity(clock: Clock, link: NodeLink, config: WinchConfig) -> float:
+    """As its 606C has it; of a drive without one by its encoder."""
+    if link.able.has(Mappable.VELOCITY.index):
+        return await link.sdo.read(Mappable.VELOCITY.index)
+    before, t = await link.sdo.read(Mappable.POSITION.index), clock.now()
+    await clock.sleep(_WATCHED)
+    turned = wrap32(await link.sdo.read(Mappable.POSITION.index) - before)
+    return turned / (clock.now() - t) / link.layout.velocity_digit
 
 
 def _counts(found: InspectedObject) -> bool:
