@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.rehearsal import rehearsal as rehearsing
 from benchmarks.rehearsal import short
+from drivers.canbus.transport import CanFrame
 from fidim_lab.app import compose
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.model.equilibria import equilibrium_at
@@ -44,6 +45,12 @@ def frozen(stage, *ids, flickers=b""):
         stage.bus.rules.append(FrameRule(frozenset({one}), change=repeat))
 
 
+def turns_unwanted(stage):
+    """A drum, by no set-point of its drive."""
+    stage.drive(2).defects.demand_frozen = True
+    stage.spin(2, 0.05, unseen=True)
+
+
 def aborts(stage, cable):
     """Every SDO: not in this state of the drive."""
     stage.bus.rules.append(
@@ -71,6 +78,21 @@ def comes_back(stage):
             stage.write_word(2, 0x6040, word)
 
     stage.spawn(restart())
+
+
+def pulled(stage):
+    async def pull():
+        await stage.sleep(0.004)
+        stage.bus.cut = True
+
+    stage.control.emergency_stop("F12")
+    stage.spawn(pull())
+
+
+def power_cut(stage):
+    """Of all drives, as by a fuse: they begin anew."""
+    for drive in stage.rig.drives:
+        drive.receive(CanFrame(0, bytes((0x81, 0)), stage.now()))
 
 
 def mixed_up(stage):
@@ -172,7 +194,7 @@ CASES = {
     "samples that are frozen while the drum turns": Case(
         "Ask",
         0.5,
-        lambda s: (frozen(s, 0x182, 0x282), s.spin(2, 0.05, unseen=True)),
+        lambda s: (frozen(s, 0x182, 0x282), turns_unwanted(s)),
         "its samples (TPDO) stay where they are, its encoder, asked by SDO, is +",
         "winch 2 did not obey",
         way=0.01,
@@ -186,7 +208,7 @@ CASES = {
     "frozen samples that flicker while the drum turns": Case(
         "Ask",
         0.5,
-        lambda s: (frozen(s, 0x282), frozen(s, 0x182, flickers=FLICKERS), s.spin(2, 0.05, unseen=True)),
+        lambda s: (frozen(s, 0x282), frozen(s, 0x182, flickers=FLICKERS), turns_unwanted(s)),
         "its samples (TPDO) stay where they are, its encoder, asked by SDO, is +",
         "winch 2 did not obey",
         way=0.01,
@@ -245,6 +267,22 @@ CASES = {
         "winches and drums do not explain this",
         "stand still, held",
         outcome=Outcome.FAIL,
+    ),
+    "SDO answers that come late, and a drum that turns": Case(
+        "Ask",
+        0.3,
+        lambda s: (setattr(s.drive(2).faults, "sdo_delay", 0.3), s.spin(2, 0.05, unseen=True)),
+        "winch 2 is +3.",
+        "stand still, held",
+    ),
+    "SDO answers that come too late": Case(
+        "Ask", 0.3, lambda s: setattr(s.drive(2).faults, "sdo_delay", 0.7), "answers no question (SDO)", "stand still"
+    ),
+    "the cable is pulled just after the emergency stop": Case(
+        "MoveTo", 0.3, pulled, "The emergency stop guard stopped the run: F12", DEAF
+    ),
+    "all power is cut while somebody is at the platform, and comes back": Case(
+        "Ask", 0.3, power_cut, "all 4 winches have not answered", DEAF
     ),
     "a value refused in bring-up": Case("", 0.0, refusing, "6065:0 following error window", "never reported"),
     "one drive misses its enabling": Case(

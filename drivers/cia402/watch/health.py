@@ -10,6 +10,7 @@ By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive 
 object that the drive refuses is not asked for again; what has not been answered lately is unknown.
 """
 
+import math
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -37,9 +38,10 @@ CHANGED_SAYS = "somebody has changed what its stops rest on: {} {}: {} found, {}
 SAME_SAYS = (
     "its samples (TPDO) have been exactly the same for {:.1f} s, its load, asked by SDO, is another: they are old"
 )
-SAME_FOR, SAME_TIMES = 0.5, 3
-"""s for which samples must be the same to the digit, and answers in a row that differ from them: it is the same object
-on both ways, so that a load that does not change is the same on both, and one that does changes within 100 samples"""
+CHANCE = 1e-9
+"""that a load which seldom changes by a digit did so in that many answers, and in none of the samples meanwhile: the
+samples are old then. It is the same object both ways, so that one that never changes is the same both ways. A drive
+that flickers in the worst possible rhythm is stopped in vain once in 2400 h (docs/benchmarks/sensitivity.md)"""
 OLD = 1e-3
 """m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
 beyond which the encoder is elsewhere than both: 0 at rest; up to 0.03 m/s such samples are passed on the way"""
@@ -102,8 +104,10 @@ class HealthPoll:
         self._demand = next((index for index in DEMANDS if link.sdo.knows(index)), None)
         self._wanted: tuple[Trajectory, int, int] | None = None
         """its set-point and its encoder (counts) when they were first asked for under a command to stand"""
-        self._others = 0
-        """answers in a row of another load than samples tell that never change"""
+        self._stretch = float("-inf")
+        """since when all samples tell the same (monotonic s)"""
+        self._answers = self._others = 0
+        """since then: answers that told the load, and those that told another than the samples"""
         self.blind = False
         """whether its encoder was contradicted: what it shows since proves nothing"""
 
@@ -131,8 +135,9 @@ class HealthPoll:
                 self.blind = False
                 continue
             try:
-                self._doubt = await self._compare() or await self._look_at_load()
+                self._doubt = await self._compare()
                 self._moved = self._moved or await self._look_at_demand()
+                self._doubt = self._doubt or await self._look_at_load()
                 if self._clock.now() >= due:
                     due = self._clock.now() + PERIOD
                     await self._round()
@@ -191,18 +196,20 @@ class HealthPoll:
     async def _look_at_load(self) -> str:
         """Whether samples that tell the same all the time are old."""
         load, link = self._link.decoder.load, self._link
-        sample = link.values
-        if load is None or sample is None or sample.t - link.unchanged_since < SAME_FOR:
-            self._others = 0
+        sample, since = link.values, link.unchanged_since
+        if since != self._stretch:
+            self._stretch, self._answers, self._others = since, 0, 0
+        if load is None or sample is None or sample.t - since < COMPARED_EVERY:
             return ""
         told = await self._number(load.index, load.value[1])
-        if told is not None and link.values is not None and link.values.told == sample.told:
-            apart = (told - int(sample.current)) % (1 << 8 * struct.calcsize(load.code))
-            self._others = self._others + 1 if apart else 0
-        if self._others < SAME_TIMES:
+        if told is None or link.unchanged_since != since:
+            return ""
+        self._answers += 1
+        self._others += (told - int(sample.current)) % (1 << 8 * struct.calcsize(load.code)) != 0
+        if _by_chance(self._others, self._answers, link.unchanged) > CHANCE:
             return ""
         self.blind = True
-        return SAME_SAYS.format(sample.t - link.unchanged_since)
+        return SAME_SAYS.format(sample.t - since)
 
     async def _look_at_one(self) -> str:
         """What one of its settings is by now; empty where it is as it was written: then the next has its turn."""
@@ -240,3 +247,10 @@ class HealthPoll:
             return await self._link.sdo.read(index, sub)
         except SdoRefusedError:
             return None
+
+
+def _by_chance(others: int, answers: int, samples: int) -> float:
+    """The greatest probability that so many of the answers differ and none of the samples, if each did as often."""
+    every = samples + answers
+    part = others / every
+    return math.comb(answers, others) * part**others * (1.0 - part) ** (every - others)

@@ -63,6 +63,8 @@ class NodeLink:
         self.values: DriveValues | None = None
         self.unchanged_since = float("-inf")
         """monotonic s of the SYNC since which all samples have told exactly the same"""
+        self.unchanged = 0
+        """and how many they are"""
         self.heartbeat: Heartbeat | None = None
         self.emergencies: deque[Emergency] = deque(maxlen=_KEPT_EMERGENCIES)
         self.latched: Emergency | None = None
@@ -105,7 +107,8 @@ class NodeLink:
         if values is not None:
             before, self.values = self.values, values
             if before is None or before.told != values.told:
-                self.unchanged_since = t
+                self.unchanged_since, self.unchanged = t, 0
+            self.unchanged += 1
             if self.motion is not None:
                 self.motion.feed(values.position)
 
