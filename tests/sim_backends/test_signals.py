@@ -1,4 +1,4 @@
-"""Safe torque off as a drive tells it, and a brake by hand: our drivers on simulated drives."""
+"""Safe torque off and load as a drive tells them, and a brake by hand: our drivers on simulated drives."""
 
 import asyncio
 
@@ -12,6 +12,7 @@ from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.data.rigs.rig_winch_tables import Signal
 from fidim_lab.errors import DeviceError, RefusedError
+from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.objects import read_eds
@@ -46,11 +47,12 @@ class Slack(DrumShaft):
         return -1e-3 * max(stretched, 0.0)
 
 
-def on_a_bus(work, config=CONFIG, shaft=DrumShaft):
+def on_a_bus(work, config=CONFIG, shaft=DrumShaft, rules=()):
     """Carry out `work(winch, drive)` with the control loop running."""
 
     async def main():
         bus = InProcessBus(CLOCK.now)
+        bus.rules.extend(rules)
         master = CanopenMaster(bus, CLOCK, sync_rate=100.0)
         drive = SimulatedDrive(1, read_eds(GENERIC_EDS, 1), shaft())
         bus.attach(drive)
@@ -90,6 +92,29 @@ def test_no_drive_is_enabled_with_safe_torque_off_and_that_is_said():
         return winch.latest().state
 
     assert on_a_bus(work) is DriveState.OPERATION_ENABLED
+
+
+@pytest.mark.parametrize(("times", "says"), [(5, ""), (10_000, "its samples (TPDO) have been exactly the same for")])
+def test_a_load_that_flickers_between_samples_is_no_frozen_one(times, says):
+    """After a second in which nothing changes, the load that is asked by SDO is another for so many times."""
+    told = []
+
+    def flickers(data):
+        if data[1:4] != b"\x78\x60\x00":
+            return data
+        told.append(data)
+        return data[:4] + bytes((data[4] ^ (10 <= len(told) < 10 + times),)) + data[5:]
+
+    async def work(winch, _drive):
+        await winch.configure()
+        await winch.enable()
+        await CLOCK.sleep(4.0)
+        return winch.latest()
+
+    sample = on_a_bus(work, rules=[FrameRule(frozenset({0x581}), change=flickers)])
+    assert says in sample.fault
+    assert sample.blind == bool(says)
+    assert bool(sample.fault) == bool(says)
 
 
 def test_safe_torque_off_in_operation_is_told_as_the_cause():

@@ -13,7 +13,7 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.kept_stop import keep, kept
-from fidim_lab.app.service.lock import Holder, holder, running
+from fidim_lab.app.service.lock import Holder, holder, left_behind, running
 from fidim_lab.app.service.place import ServicePlace, all_places, places_for
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.stop_file import Stopped
@@ -28,6 +28,10 @@ END_WITHIN = 1.0
 """s; one that does not end then, either, is killed"""
 LOOK = 0.05
 """s"""
+KILLED = (
+    "The service of run {} was killed: its drives stop by themselves once they miss its heartbeat. "
+    "PRESS THE HARDWARE EMERGENCY STOP if the robot moves."
+)
 
 
 def stop_command(rig: Path | None, reason: str, not_understood: str = "", json_file: Path | None = None) -> int:
@@ -47,6 +51,8 @@ def stop_command(rig: Path | None, reason: str, not_understood: str = "", json_f
         others = ", ".join(printable(who.folder) for _, who in running(all_places()))
         of_rig = f"No service of {rig} is running; {others} is still running. To stop all: fidim stop."
         console.out.print(of_rig if others else "No service is running.", markup=False)
+        for killed in filter(None, map(left_behind, places)):
+            console.err.print(KILLED.format(printable(killed.folder)), markup=False)
         write_answer(json_file, FORMAT, {"exit_code": 1, "services": []})
         return 1
     codes = asyncio.run(_stop_all(found, reason))

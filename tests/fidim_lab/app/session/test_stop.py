@@ -86,6 +86,14 @@ def test_where_nothing_runs_it_says_so(place):
     assert "No service is running." in done.stdout
 
 
+def test_where_a_service_was_killed_that_is_not_all_well(place):
+    place.lock.write_text('{"pid":12345,"folder":"runs/one"}')
+    done, said = stop(place)
+    assert said["exit_code"] == 1
+    assert "The service of run runs/one was killed" in " ".join(done.stderr.split())
+    assert "HARDWARE EMERGENCY STOP" in done.stderr
+
+
 @pytest.mark.parametrize("told", ["", '{"pid":0,"folder":"r"}', '{"pid":-1,"folder":"r"}', '{"pid":PID,"folder":"r"}'])
 def test_a_service_without_a_socket_is_ended_and_nobody_else(place, told):
     """A lock that tells nothing yet had `kill 0` end the caller's own group."""
