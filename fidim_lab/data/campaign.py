@@ -13,7 +13,8 @@ from pydantic import Field
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.files.toml_file import Name, Table, read_toml
 from fidim_lab.data.own_sensors import RATES
-from fidim_lab.data.records import Alignment, Campaign, Role, Window
+from fidim_lab.data.period_table import PeriodMistake, PeriodTable, as_tables, period_of
+from fidim_lab.data.records import Alignment, Campaign, Period, Role, Window
 from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
 from fidim_lab.data.rigs.alignment_file import at_exposures, read_alignment
 from fidim_lab.data.robot_file import read_robot, write_robot
@@ -35,6 +36,8 @@ READERS: Mapping[str, Callable[[Path, int], WindowColumns]] = MappingProxyType(
 """(file, cables of the robot) → its columns, by suffix"""
 
 
+NO_RATE = 0.0
+"""Hz, of a campaign without windows"""
 _FEW = 3
 """campaigns that a message names"""
 WANTED = (
@@ -59,8 +62,9 @@ class CampaignTable(Table):
     format: Literal["fidim-campaign/1"]
     name: str
     robot: str
-    sample_rate: Annotated[float, Field(gt=0)]
+    sample_rate: Annotated[float, Field(gt=0)] | None = None
     window: tuple[WindowTable, ...] = ()
+    period: tuple[PeriodTable, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +87,10 @@ class IndexEntry:
         return f"windows/{self.id}{self.suffix}"
 
 
-def read_campaign(folder: Path) -> Campaign:
+def read_campaign(folder: Path, *, periods: bool = False) -> Campaign:
     """Read a campaign folder whole. Raises FileError with file, key or line.
 
+    periods: whether one that holds periods in place of windows is of use; else it is a SetupError.
     Where it has an alignment.toml, lengths and currents are those of the instants at which the markers were seen.
     """
     index = folder / INDEX
@@ -97,8 +102,15 @@ def read_campaign(folder: Path) -> Campaign:
         inside = sorted(one.parent for one in folder.glob(f"*/{INDEX}"))
         raise FileError(index, "", "no such file.", hint=_meant(inside))
     table = read_toml(index, CampaignTable, FORMAT)
+    if table.period and not table.window:
+        return _of_periods(folder, index, table, wanted=periods)
     if not table.window:
         raise FileError(index, "window", "the campaign lists no windows")
+    if table.period:
+        what = "stands beside windows; a campaign holds one of both"
+        raise FileError(index, "period", what, hint="Make two campaigns of them.")
+    if table.sample_rate is None:
+        raise FileError(index, "sample_rate", "is missing")
     _check_windows(index, table.window)
     robot = read_robot(folder / table.robot, named_by=index)
     alignment = read_alignment(folder / ALIGNMENT)
@@ -114,6 +126,22 @@ def read_campaign(folder: Path) -> Campaign:
         windows=tuple(windows if alignment is None else (_aligned(window, alignment) for window in windows)),
         alignment=alignment,
     )
+
+
+def _of_periods(folder: Path, index: Path, table: CampaignTable, *, wanted: bool) -> Campaign:
+    if not wanted:
+        raise SetupError(
+            f"{folder} holds periods, which show no motion over time: this command has nothing to work on.",
+            hint=f"fidim identify {folder} tells what they show of the body; record rates or markers for the rest.",
+        )
+    robot = read_robot(folder / table.robot, named_by=index)
+    periods: list[Period] = []
+    for k, one in enumerate(table.period, start=1):
+        found = period_of(one, robot.n)
+        if isinstance(found, PeriodMistake):
+            raise FileError(index, f"period {k}, {found.key}", found.what, hint=found.hint)
+        periods.append(found)
+    return Campaign(table.name, robot, NO_RATE, (), periods=tuple(periods))
 
 
 def _meant(campaigns: Sequence[Path]) -> str:
@@ -245,7 +273,7 @@ def write_campaign(
     folder: Path, campaign: Campaign, *, robot_comment: str = "", suffix: Literal[".csv", ".mcap"] = ".csv"
 ) -> None:
     """Write a campaign folder that `read_campaign` reads back; its alignment is in the windows already."""
-    (folder / "windows").mkdir(parents=True, exist_ok=True)
+    (folder / "windows" if campaign.windows else folder).mkdir(parents=True, exist_ok=True)
     (folder / ALIGNMENT).unlink(missing_ok=True)
     write_robot(folder / ROBOT, campaign.robot, comment=robot_comment)
     entries = [
@@ -257,17 +285,19 @@ def write_campaign(
             write_window_csv(folder / entry.file, columns)
         else:
             (folder / entry.file).write_bytes(window_as_mcap(columns))
-    write_index(folder, campaign.name, campaign.sample_rate, entries)
+    write_index(folder, campaign.name, campaign.sample_rate, entries, campaign.periods)
 
 
-def write_index(folder: Path, name: str, sample_rate: float, entries: Sequence[IndexEntry]) -> None:
+def write_index(
+    folder: Path, name: str, sample_rate: float, entries: Sequence[IndexEntry], periods: tuple[Period, ...] = ()
+) -> None:
     """Write campaign.toml whole or not at all: a run keeps it current after each accepted window."""
+    windows = {"sample_rate": sample_rate, "window": [_entry_table(entry) for entry in entries]}
     table = {
         "format": FORMAT,
         "name": name,
         "robot": ROBOT,
-        "sample_rate": sample_rate,
-        "window": [_entry_table(entry) for entry in entries],
+        **({"period": as_tables(periods)} if periods else windows),
     }
     part = folder / (INDEX + ".part")
     part.write_text(tomli_w.dumps(table), encoding="utf-8")

@@ -294,8 +294,38 @@ class Alignment:
 
 
 @dataclass(frozen=True, eq=False)
+class Period:
+    """What a person with a stopwatch or a light gate writes down of a pendulum: some swings at some lengths."""
+
+    lengths: PerCable
+    """(n,) m, by tape, from anchor to attachment; periods with the same numbers: it was not hung anew"""
+    motion: str
+    """what swings, as `model.many_swings.MOTIONS` names it; empty where nobody knows"""
+    time: float
+    """s, of all the swings"""
+    swings: int
+    """whole ones, there and back"""
+    sd: float
+    """s, of `time`"""
+    amplitude: float | None = None
+    """rad, of the turning platform or of the swaying cords; None where nobody noted it"""
+    tilt: tuple[float, float, float] | None = None
+    """rad at rest, by an inclinometer: rotations about x, then y, and the standard deviation of each"""
+
+    @property
+    def value(self) -> float:
+        """s, of one swing."""
+        return self.time / self.swings
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return self.motion or "motion not stated"
+
+
+@dataclass(frozen=True, eq=False)
 class Campaign:
-    """A set of windows of one robot."""
+    """A set of windows of one robot, or of periods."""
 
     name: str
     robot: Robot
@@ -304,6 +334,8 @@ class Campaign:
     windows: tuple[Window, ...]
     alignment: Alignment | None = None
     """by which lengths and currents of the windows were brought to the markers' instants; None: as recorded"""
+    periods: tuple[Period, ...] = ()
+    """timed by hand or light gate, in place of windows"""
 
     def of_role(self, role: Role) -> tuple[Window, ...]:
         """The windows of one role, in file order."""

@@ -22,6 +22,7 @@ from fidim_lab.identification.input_check import check
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.mle.by_rates import identify_by_rates, shown_by_rates
+from fidim_lab.identification.mle.periods.by_periods import identify_by_periods
 from fidim_lab.identification.motion.recipe import BEST, Recipe
 from fidim_lab.identification.results.result import (
     IdentificationResult,
@@ -57,12 +58,16 @@ def identify(
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
-    if shown_by_rates(campaign):
-        if method is not Method.MLE:
-            raise SetupError(
-                f"--method {method} needs the pose of every sample, and a gyroscope shows none.",
-                hint="Leave --method out: maximum likelihood fits angular rates as they are.",
-            )
+    rates = not campaign.periods and shown_by_rates(campaign)
+    if (rates or campaign.periods) and method is not Method.MLE:
+        shown = "a gyroscope shows none" if rates else "periods show none"
+        raise SetupError(
+            f"--method {method} needs the pose of every sample, and {shown}.",
+            hint="Leave --method out: maximum likelihood fits what was recorded as it is.",
+        )
+    if campaign.periods:
+        return identify_by_periods(campaign)
+    if rates:
         return identify_by_rates(campaign, native=native, predict=checks.predict)
     notes = check(campaign)
     recordings = clean_recordings(campaign).recordings

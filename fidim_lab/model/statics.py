@@ -63,11 +63,16 @@ def balance(
     The first, Ξᵀ τ − φ (N/kg, N m/kg), vanishes at rest; the second (6 × 6), over the free twists, is the free-motion
     stiffness K of Eq. 37.
     """
-    compiled = mechanism.compiled("balance", _compile_balance)
+    compiled = compiled_balance(mechanism)
     gradient, hessian, xi, lengths = evaluate(
         compiled, pose.position, pose.rotation, tensions_per_mass, body.com, mechanism.theta
     )
     return gradient[0], hessian.reshape(6, 6), xi.reshape(-1, 6), lengths[0]
+
+
+def compiled_balance(mechanism: Mechanism) -> ca.Function:
+    """`balance` as a function of columns: position, rotation, tensions, centre of mass, θ."""
+    return mechanism.compiled("balance", _compile_balance)
 
 
 def equilibrium_of_pose(mechanism: Mechanism, body: Body, pose: Pose) -> Equilibrium:

@@ -120,15 +120,18 @@ class Plant:
         rest = self._statics.rest(true, near)
         return rest if displacement is None else self._statics.held_aside(rest, true, displacement)
 
-    def place(self, rest: Rest, lengths: PerCable, t: float = 0.0) -> None:
+    def place(self, rest: Rest, lengths: PerCable, t: float = 0.0, twist: np.ndarray | None = None) -> None:
         """Begin at rest there at plant time t with these encoder lengths (m); creep, window and slack begin anew.
 
-        At rest against the frame: where that sways, the platform is displaced and moves with it.
+        At rest against the frame: where that sways, the platform is displaced and moves with it. twist: how it is
+        pushed there, [velocity of G in the world frame; angular rate about the body's axes], m/s and rad/s, as far as
+        the cables let it go.
         """
         self._paid_out.restart(t)
         self._drums = np.array(lengths, dtype=float)
         x = np.zeros(size(self.world))
         x[POSE] = rest.coordinates
+        x[TWIST] = 0.0 if twist is None else twist
         for effect in self.world.effects("frame-sway"):
             displaced, moving, _ = oscillation(effect, ca.SX(t))
             x[0:3] += np.array(ca.evalf(displaced)).ravel()

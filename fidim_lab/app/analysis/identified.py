@@ -15,6 +15,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.app.workflows.identify import closing_sentence
 from fidim_lab.data.campaign import ROBOT
 from fidim_lab.identification.design.task import DISPLACED
+from fidim_lab.identification.mle.periods.by_periods import VARIANT as BY_PERIODS
 from fidim_lab.identification.results.result import (
     IdentificationResult,
     InertialParameter,
@@ -86,6 +87,8 @@ def window_table(result: IdentificationResult) -> Table:
 def next_command(folder: Path, result: IdentificationResult, json_file: Path | None) -> str:
     """The command that follows from this result of a campaign, as it may be typed."""
     place = quote(str(folder))
+    if result.windows and all(one.variant == BY_PERIODS for one in result.windows) and not result.outcome.good:
+        return f"fidim import periods TABLE --robot {quote(str(folder / ROBOT))} --out again"
     if not result.outcome.answers or result.fallback:
         return f"fidim explain {place}"
     if json_file is None:  # what all that follows takes

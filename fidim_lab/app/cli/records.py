@@ -49,14 +49,15 @@ from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
     "--lengths",
     multiple=True,
     metavar="M,M",
-    help="gyro: length of each cable by tape, m; once for all files, or once for each.",
+    help="gyro, periods: length of each cable by tape, m; once for all files, or once for each.",
 )
 @click.option("--axes", metavar="x,y,z", help="gyro: the phone's axes that point along x, y, z of the body.")
 @click.option("--json", "json_file", type=OUT_FILE, help="Write what was found as JSON.")
 @example(
     "fidim import irma4u recordings/irma4u --out real\n"
     "      fidim import vicon-text take1.txt take2.txt --robot robot.toml --out takes\n"
-    "      fidim import c3d takes --takes 'free*.c3d' --robot robot.toml --log '*.log' --log-map log.toml --out all"
+    "      fidim import c3d takes --takes 'free*.c3d' --robot robot.toml --log '*.log' --log-map log.toml --out all\n"
+    "      fidim import periods times.csv --robot bifilar.toml --out timed"
 )
 def import_(
     kind: str,
@@ -81,8 +82,8 @@ def import_(
     """Turn other labs' recordings of KIND into a campaign folder.
 
     KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, qtm-mat, trc, c3d, mcap, ros2-bag, csv,
-    gyro (a phone on a pendulum). Several files become one campaign, which has the windows of free motion found in each
-    of them.
+    gyro (a phone on a pendulum), periods (a table of a stopwatch's or a light gate's times). Several files become one
+    campaign, which has the windows of free motion found in each of them.
     """
     from fidim_lab.app.records.import_kinds import ImportOptions, cable_numbers, import_kind_command
     from fidim_lab.data.importers.takes import Asked

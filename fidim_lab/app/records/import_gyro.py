@@ -48,7 +48,7 @@ def import_gyro_command(files: Sequence[Path], out: Path, options: GyroOptions, 
         raise SetupError(
             f"--unit {options.unit} is not a unit of angular rates.", hint="Give --unit rad/s or --unit deg/s."
         )
-    axes, lengths = axes_of(options.axes), _lengths(options.lengths, len(files), robot.n)
+    axes, lengths = axes_of(options.axes), taped_lengths(options.lengths, len(files), robot.n)
     parts, skipped = list[tuple[GyroRecording, PerCable, tuple[FreeSwing, ...]]](), dict[str, str]()
     for path, held in zip(files, lengths, strict=True):
         try:
@@ -89,8 +89,8 @@ def axes_of(text: str | None) -> Axes:
     return (asked[0], asked[1], asked[2])
 
 
-def _lengths(texts: Sequence[str], files: int, n: int) -> list[PerCable]:
-    """Of each file, m. Raises SetupError."""
+def taped_lengths(texts: Sequence[str], files: int, n: int) -> list[PerCable]:
+    """What --lengths says of each file, m. Raises SetupError."""
     if len(texts) not in (1, files):
         given = f"{len(texts)} times" if texts else "nowhere"
         what = f"--lengths is given {given}, for {files} files: once for all, or once for each in their order."

@@ -13,6 +13,7 @@ import numpy as np
 
 from fidim_lab.app.records.import_gyro import GYRO, GyroOptions, import_gyro_command
 from fidim_lab.app.records.import_logs import match
+from fidim_lab.app.records.import_periods import PERIODS, import_periods_command
 from fidim_lab.app.records.import_recording import import_command
 from fidim_lab.app.records.import_takes import JOURNAL, import_takes_command
 from fidim_lab.app.terminal import console
@@ -70,17 +71,19 @@ class ImportOptions:
     asked: Asked = field(default_factory=Asked)
     lengths: tuple[str, ...] = ()
     axes: str | None = None
-    """these two of a gyroscope alone"""
+    """of a gyroscope alone; lengths of periods, too"""
 
 
 def import_kind_command(
     kind: str, sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None
 ) -> int:
     """Import by kind. Returns the exit code; raises FidimError."""
-    if kind == GYRO:
-        return _import_gyro(sources, out, options, json_file)
+    if kind in (GYRO, PERIODS):
+        return _import_pendulum(kind, sources, out, options, json_file)
     if options.lengths or options.axes is not None or options.asked.unit in RATE_UNITS:
-        raise SetupError(f"--lengths, --axes and units of angular rates belong to {GYRO}.")
+        raise SetupError(
+            f"--axes and units of angular rates belong to {GYRO}, --lengths to {GYRO} and {PERIODS}, not to {kind}."
+        )
     if kind != MAPPED and options.map_file is not None:
         raise SetupError(f"--map belongs to {MAPPED}, not to {kind}.")
     if kind == MAPPED and options.map_file is None:
@@ -106,17 +109,24 @@ def import_kind_command(
     if options.takes is not None:
         raise SetupError("--takes can only be used with grab, and with kinds whose files are takes.")
     if kind not in READERS:
-        known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab", GYRO]))
+        known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab", GYRO, PERIODS]))
         raise SetupError(f"No recording of kind {kind!r} is known.", hint=f"Known kinds: {known}.")
     return import_command(kind, list(sources), out, json_file)
 
 
-def _import_gyro(sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None) -> int:
-    """A phone's recordings. Raises FidimError."""
-    rest = replace(options, robot=None, takes=None, lengths=(), axes=None, asked=replace(options.asked, unit=None))
+def _import_pendulum(
+    kind: str, sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None
+) -> int:
+    """A phone's recordings, or periods. Raises FidimError."""
+    rest = replace(options, robot=None, takes=None, lengths=())
+    if kind == GYRO:
+        rest = replace(rest, axes=None, asked=replace(rest.asked, unit=None))
     if rest != ImportOptions() or options.robot is None:
-        raise SetupError(f"{GYRO} needs --robot and --lengths, and takes --axes, --unit and --takes beside them alone.")
-    files = _files(GYRO, sources, options.takes)
+        needs = f"{GYRO} needs --robot and --lengths, and takes --axes, --unit and --takes beside them alone."
+        raise SetupError(needs if kind == GYRO else f"{kind} needs --robot, and takes --lengths and --takes alone.")
+    files = _files(kind, sources, options.takes)
+    if kind == PERIODS:
+        return import_periods_command(files, out, options.robot, options.lengths, json_file)
     return import_gyro_command(
         files, out, GyroOptions(options.robot, options.lengths, options.axes, options.asked.unit), json_file
     )

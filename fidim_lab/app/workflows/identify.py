@@ -69,7 +69,7 @@ def identify_posed(
     """As `run_identify`, from a campaign that is in memory."""
     asked = Method.TLS if paper else None if method is None else method_named(method)
     campaign = posed.campaign
-    choice = suited_method(campaign) if asked is None else Choice(asked)
+    choice = Choice(asked or Method.MLE) if asked or campaign.periods else suited_method(campaign)
     recipe: Recipe = PAPER if paper else BEST
     checks = THOROUGH if predict else QUICK
     native = compiler() is not None
@@ -158,7 +158,7 @@ def closing_sentence(result: IdentificationResult) -> str:
 
 def read_posed(folder: Path, source: PoseSource = PoseSource.MOCAP) -> PosedCampaign:
     """Read a campaign with its poses from `source`. Raises FileError, and SetupError or RefusedError without poses."""
-    campaign = read_campaign(folder)
+    campaign = read_campaign(folder, periods=source is PoseSource.MOCAP)
     if source is PoseSource.MOCAP:
         return PosedCampaign(campaign)
     sensed = with_poses_from(campaign, source)

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.app.formats.manifest import LARGEST, MANIFEST, read_manifest, verify
 from fidim_lab.app.report.contents.story import Story, read_story
-from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable, read_campaign
+from fidim_lab.data.campaign import FORMAT, INDEX, NO_RATE, CampaignTable, read_campaign
 from fidim_lab.data.files.input_file import open_input, read_json
 from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.files.toml_file import read_toml
@@ -241,7 +241,7 @@ def _campaign(folder: Path, *, begun: bool) -> Campaign:
         table = read_toml(folder / INDEX, CampaignTable, FORMAT)
         if not table.window:
             robot = read_robot(folder / table.robot, named_by=folder / INDEX)
-            return Campaign(table.name, robot, table.sample_rate, ())
+            return Campaign(table.name, robot, table.sample_rate or NO_RATE, ())
     return read_campaign(folder)
 
 

@@ -1,0 +1,1 @@
+"""What the periods of a pendulum, by stopwatch or light gate, show of its body."""
