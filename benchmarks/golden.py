@@ -4,7 +4,7 @@
     python -m benchmarks.golden null hand        compare some
     python -m benchmarks.golden --write [NAME]   keep today's answers; say in the commit why they changed
 
-Each campaign is simulated from its seed and explained with unlimited patience, so that no clock decides. A result of
+Each campaign is simulated from its seed and explained without a limit of its work. A result of
 maximum likelihood is kept beside each explanation, and one of total least squares. The same machine gives the same
 bits; on another one numbers may differ in their last digits, which `differences` allows for.
 """
@@ -86,7 +86,7 @@ FAST = ("null",)
 def answers(case: Small) -> dict[str, Any]:
     """The explanation and the results of a campaign, without times, numbers to so many digits."""
     campaign = case.simulated()
-    explained = explain(campaign, patience=math.inf).table
+    explained = explain(campaign, effort=math.inf).table
     found = {method.value: identify(campaign, method, native=True).to_json() for method in (Method.MLE, Method.TLS)}
     for table in (explained, *found.values()):
         del table["seconds"]

@@ -93,7 +93,7 @@ def child(change: ThresholdChange, cases: Sequence[str], cap: float) -> None:
         begin = process_time()
         resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(begin + cap), resource.RLIM_INFINITY))
         read.clear()
-        told = explain(golden.CASES[case].simulated(), patience=math.inf)
+        told = explain(golden.CASES[case].simulated(), effort=math.inf)
         names = sorted(f"{one.id} {one.cable or ''}".strip() for one in told.effects)
         line = {"case": case, "answer": " + ".join([told.verdict.value, *names]), "cpu": process_time() - begin}
         print(json.dumps(line | {"read": sorted(read | at_import)}), flush=True)

@@ -23,7 +23,6 @@ from fidim_lab.data.robot_file import read_robot, robot_path, write_robot
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.motion.pose_sources import PoseSource
-from fidim_lab.mismatch.selection.budget import PATIENCE
 from fidim_lab.say import counted
 
 AnyCampaign = records.Campaign | Path | str
@@ -134,16 +133,23 @@ def identify(
 
 
 @as_command
-def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: str | Sequence[str] = ()) -> Explained:
+def explain(
+    campaign: AnyCampaign,
+    *,
+    effort: float = 1.0,
+    patience: float | None = None,
+    without: str | Sequence[str] = (),
+) -> Explained:
     """Name the physics that the model leaves out, and show it on held-out windows.
 
-    `patience`: CPU seconds after which the search ends and its best answer so far is given. `without`: effects of
-    the catalogue to leave out of the search. Raises FileError for a wrong campaign, SetupError for an unknown effect or
-    a patience below 0, RefusedError where no window can be fitted.
+    `effort`: times the usual work after which the search ends and its best answer so far is given; `patience`: CPU
+    seconds after which it does, too. `without`: effects of the catalogue to leave out of the search. Raises FileError
+    for a wrong campaign, SetupError for an unknown effect or a limit below 0, RefusedError where no window can be
+    fitted.
     """
     from fidim_lab.mismatch.explain import explain as search
 
-    return Explained(search(_in_memory(campaign), patience=patience, without=_several(without)))
+    return Explained(search(_in_memory(campaign), effort=effort, patience=patience, without=_several(without)))
 
 
 @as_command

@@ -15,6 +15,7 @@ from time import perf_counter
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import soft_mode
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.restored import without_needless, without_needless_contacts
 from fidim_lab.mismatch.conclusion.answer import with_answer
@@ -33,7 +34,6 @@ from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.fitting.baseline import Baseline, ready
 from fidim_lab.mismatch.linearised.hypotheses import check_known
 from fidim_lab.mismatch.rounds import Reached, Rounds
-from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
 from fidim_lab.mismatch.whole_motion.common_part import elastic, rigid
 from fidim_lab.say import Say
 
@@ -46,23 +46,26 @@ def explain(
     *,
     native: bool = True,
     say: Say = lambda _: None,
-    patience: float = PATIENCE,
+    effort: float = 1.0,
+    patience: float | None = None,
     without: Collection[str] = (),
 ) -> Explanation:
     """Name what the model leaves out of this campaign.
 
     native: with compiled C where there is a compiler, as `identify`. say: is told of progress, in sentences.
-    patience: s of CPU time after which no further model is tried, and what there is, is told.
+    effort: times the usual work (`budget`) after which no further model is tried, and what there is, is told; patience:
+    s of CPU time after which it is so, too.
     without: ids of effects that are taken as unknown: the catalogue less these.
     Raises SetupError for what cannot be left out or waited for, RefusedError where no window can be fitted at all, or
     where the robot file is grossly and simply wrong.
     """
     check_known(without)
-    if not patience >= 0:
-        raise SetupError(f"patience = {patience:g} s: it is at least 0 s of CPU time.")
-    begin, until = perf_counter(), Patience(patience)
+    for name, value in (("effort", effort), ("patience", patience)):
+        if value is not None and not value >= 0:
+            raise SetupError(f"{name} = {value:g}: it is at least 0.")
+    begin, budget = perf_counter(), Budget(effort, patience)
     cleaned = clean(campaign, say=say)
-    rounds = Rounds(ready(campaign.robot, native=native), say, until, frozenset(without))
+    rounds = Rounds(ready(campaign.robot, native=native), say, budget, frozenset(without))
     reached = rounds.reached(cleaned)
     last = reached.last
     judged = unless_outdone(judge(last.found), last.found, last.cleaned.campaign, say)
@@ -81,7 +84,7 @@ def explain(
             whole, searched = _on_rigid_cables(whole, soft), audited.campaign
             common = partial(elastic, searched, soft)
         if soft is not None or not _has_law(whole, judged, audited):
-            whole = with_whole_motion(whole, searched, common, say, without)
+            whole = with_whole_motion(whole, searched, common, budget.again, say, without)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.mle.evidence import ODDS
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit
@@ -20,7 +21,6 @@ from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.scores.views import View
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import candidate, improves
 from fidim_lab.mismatch.selection.general_geometry import (
     first_look,
@@ -87,7 +87,7 @@ class Rounds:
     mechanism: Mechanism
     """the model as it is"""
     say: Say
-    patience: Patience
+    budget: Budget
     without: frozenset[str] = frozenset()
     """ids of effects that are not tried"""
 
@@ -200,18 +200,18 @@ class Rounds:
         is then searched to its end instead.
         """
         broken_off: list[Round] = []
-        found = select(baseline, self.say, known=known, patience=self.patience, seen=seen)
+        found = select(baseline, self.say, known=known, budget=self.budget, seen=seen)
         while found.pushes:
             broken_off.append(Round(cleaned, baseline, found))
             cleaned = _without(cleaned, found.pushes, self.say)
             baseline = self.fitted(cleaned.campaign, baseline)
             more = len(broken_off) < MOST_CUTS
-            found = select(baseline, self.say, pushes=more, known=found.best.model, patience=self.patience)
+            found = select(baseline, self.say, pushes=more, known=found.best.model, budget=self.budget)
         reached = Round(cleaned, baseline, found)
         for before in reversed(broken_off):
-            if reached.found.best.is_white or self.patience.ended:
+            if reached.found.best.is_white or self.budget.is_spent:
                 break
-            found = select(before.baseline, self.say, pushes=False, patience=self.patience)
+            found = select(before.baseline, self.say, pushes=False, budget=self.budget)
             reached = Round(before.cleaned, before.baseline, found)
         return reached
 
@@ -239,7 +239,7 @@ class Rounds:
         """The rounds with an open geometry, where that says more than what was found and explains as much."""
         best = last.found.best
         settled = best.is_white and not best.model.tried
-        if settled or exact.campaign.robot.survey is not None or self.patience.ended:
+        if settled or exact.campaign.robot.survey is not None or self.budget.is_spent:
             return first, last
         seen = last.found.last
         general = rival(seen)

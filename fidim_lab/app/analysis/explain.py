@@ -17,7 +17,6 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, write_explanation
 from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.selection.budget import PATIENCE
 from fidim_lab.units import millimetres, plain, signed
 
 
@@ -26,12 +25,13 @@ def explain_command(
     json_file: Path | None,
     report: Path | None = None,
     pictures: Path | None = None,
-    patience: float = PATIENCE,
+    effort: float = 1.0,
+    patience: float | None = None,
     without: tuple[str, ...] = (),
 ) -> int:
     """What `fidim explain` does: explain, print, write. Returns the exit code.
 
-    `pictures`: a folder for the report's pictures as SVG files. `patience`: as `explain` has it, s of CPU time.
+    `pictures`: a folder for the report's pictures as SVG files. `effort`, `patience`: as `explain` has them.
     `without`: effects that the catalogue is to lack.
     Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
     """
@@ -43,7 +43,7 @@ def explain_command(
             if not console.err.is_terminal:
                 console.err.print(sentence, markup=False)
 
-        explanation = explain(campaign, say=say, patience=patience, without=without)
+        explanation = explain(campaign, say=say, effort=effort, patience=patience, without=without)
     if json_file is not None:
         write_explanation(json_file, explanation)
     console.out.print(summary(explanation))

@@ -14,7 +14,6 @@ from fidim_lab.app.cli.options import EQUILIBRIA, PROCESSES, SCHEDULER, answer_o
 from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, given, not_with, nothing_but, only_with
 from fidim_lab.errors import SetupError
-from fidim_lab.mismatch.selection.budget import PATIENCE
 
 
 @fidim.command()
@@ -221,12 +220,19 @@ def simulate(**options: Any) -> None:
     "--pictures", type=OUT_FOLDER, help="With --report: also write every picture as an SVG file into this folder."
 )
 @click.option(
+    "--effort",
+    type=Number(min=0),
+    default=1.0,
+    show_default=True,
+    metavar="TIMES",
+    help="Times the usual work after which the search ends and its best answer so far is given: counted, so that it "
+    "is the same on every computer.",
+)
+@click.option(
     "--patience",
     type=Number(min=0),
-    default=PATIENCE,
-    show_default=True,
     metavar="S",
-    help="CPU seconds after which the search ends and its best answer so far is given.",
+    help="CPU seconds after which it ends as well. Default: no limit.",
 )
 @click.option("--without", multiple=True, metavar="EFFECT", help="Search without this effect of the catalogue.")
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
@@ -235,7 +241,8 @@ def explain(
     json_file: Path | None,
     report: Path | None,
     pictures: Path | None,
-    patience: float,
+    effort: float,
+    patience: float | None,
     without: tuple[str, ...],
 ) -> None:
     """Name the physics in CAMPAIGN that the model leaves out, and test the answer on held-out windows.
@@ -248,7 +255,7 @@ def explain(
     if pictures is not None and report is None:
         raise click.UsageError("--pictures needs --report.")
     _scored(without)
-    sys.exit(explain_command(campaign, json_file, report, pictures, patience, without))
+    sys.exit(explain_command(campaign, json_file, report, pictures, effort, patience, without))
 
 
 def _scored(effects: tuple[str, ...]) -> None:

@@ -13,6 +13,7 @@ from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
 from fidim_lab.identification.results.result import Geometry
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.conclusion.explanation import BodyParameter, ClassMember, Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, Ranked
@@ -29,7 +30,12 @@ from fidim_lab.units import millimetres
 
 
 def with_whole_motion(
-    told: Explanation, campaign: Campaign, common: Callable[[], CommonPart], say: Say, without: Collection[str] = ()
+    told: Explanation,
+    campaign: Campaign,
+    common: Callable[[], CommonPart],
+    budget: Budget,
+    say: Say,
+    without: Collection[str] = (),
 ) -> Explanation:
     """The answer of whole windows to a verdict that leaves something open; as it was where they say no more.
 
@@ -39,7 +45,7 @@ def with_whole_motion(
     if not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
         return told
     try:
-        outcome = search(campaign, common(), say, without)
+        outcome = search(campaign, common(), budget, say, without)
     except RefusedError as refusal:
         say(str(refusal))
         return told
@@ -95,13 +101,14 @@ def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Expl
 
 
 def _cause(outcome: SearchOutcome, k: int, sd: np.ndarray) -> NamedCause:
-    """Term k with what stands for it; alone where every rival is excluded."""
+    """Term k with what stands for it; alone where every rival was tried and is excluded."""
     best, tried = outcome.best, outcome.best.terms[k]
-    members = tuple(_member(one, k, outcome) for one in outcome.rivals[k])
+    rivals = outcome.rivals[k]
+    members = tuple(_member(one, k, outcome) for one in rivals or ())
     others = tuple(one for one in members if one.id != tried.effect.id)
     ids = tuple(dict.fromkeys(one.id for one in others))
     parameters = _parameters(best, k, sd)
-    return NamedCause(tried.effect.id, tried.effect.cable, ids, parameters, tried.effect.says, others, not members)
+    return NamedCause(tried.effect.id, tried.effect.cable, ids, parameters, tried.effect.says, others, rivals == ())
 
 
 def _member(rival: WholeModel, k: int, outcome: SearchOutcome) -> ClassMember:
@@ -190,8 +197,11 @@ def _message(outcome: SearchOutcome, effects: Sequence[NamedCause], geometry: Ge
         if rivals:
             others = ", ".join(f"{one.label} ({millimetres(one.held_out):.2g} mm)" for one in rivals)
             said.append(f"Instead of {cause.id}, the windows do not exclude: {others}.")
+        elif rivals is None:
+            said.append(f"What could replace {cause.id} was not tried.")
         elif cause.single:
             said.append(f"No tested effect can replace {cause.id}.")
+    said += [outcome.cut_short] if outcome.cut_short else []
     explained = best.held_out < ALL_NOISE * floor
     said = [*base.common.sentences, *said]
     if geometry is not None:

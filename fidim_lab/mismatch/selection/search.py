@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.common_push import find_common_push
 from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts
 from fidim_lab.mismatch.cleaning.restarts import find_pushes
@@ -19,7 +20,6 @@ from fidim_lab.mismatch.fitting.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.additions import Addition
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
     Candidate,
     accepted,
@@ -60,10 +60,10 @@ class Search:
     """What is tried in which order, and what is accepted."""
 
     def __init__(
-        self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience, seen: View | None = None
+        self, start: Baseline, say: Say, look_for_pushes: bool, budget: Budget, seen: View | None = None
     ) -> None:
-        self.start, self.say, self.look_for_pushes, self.patience = start, say, look_for_pushes, patience
-        self.trials = Trials(start, say, patience, seen)
+        self.start, self.say, self.look_for_pushes, self.budget = start, say, look_for_pushes, budget
+        self.trials = Trials(start, say, budget, seen)
 
     def known_to_do(self, known: Completed | None) -> Candidate | None:
         """A known model fitted to these windows, where it leaves only noise."""
@@ -86,7 +86,7 @@ class Search:
         best = Completed((), self.start.short, whole=False)
         while True:
             seen = self.trials.look(best)
-            if self.patience.ended:
+            if self.budget.is_spent:
                 break
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = more_convincing(best, fresh) or self._exchanged(seen) or self._found_anew(seen)
@@ -121,7 +121,7 @@ class Search:
         many = [k for k, term in enumerate(best.tried) if term.has_scan]
         for k in many if len(best.tried) > 1 and not best.is_white else ():
             less = self.trials.keeping(best, [j for j in range(len(best.tried)) if j != k])
-            if less is None or self.patience.ended:
+            if less is None or self.budget.is_spent:
                 continue
             fresh = self.trials.over_first_seconds(self.trials.additions(self.trials.look(less)))
             further = more_convincing(best, fresh)
@@ -134,7 +134,7 @@ class Search:
         start, well = self.start, [*self.trials.raced, *self.trials.passing]
         fits = [
             partial(refit, start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
-            for terms in (() if self.patience.ended else unions(well, SHARED.most_terms))
+            for terms in (() if self.budget.is_spent else unions(well, SHARED.most_terms))
         ]
         fresh = found_side_by_side(fits)
         self.trials.passing += fresh
@@ -148,12 +148,12 @@ class Search:
         rivalled: a wrench without a name leaves only noise there: no model is gone on with that does not follow.
         """
         hopeless = SHARED.near if rivalled else SHARED.hopeless
-        best, followed = WholeWindows(self.start, self.say, self.patience, self.trials, hopeless).best(baseline, short)
+        best, followed = WholeWindows(self.start, self.say, self.budget, self.trials, hopeless).best(baseline, short)
         return best, () if followed or rivalled else self._hands_beside(short)
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
-        if not self.look_for_pushes or self.patience.ended:
+        if not self.look_for_pushes or self.budget.is_spent:
             return ()
         model = next((model for model in short if model.is_white), None)
         if model is None:
@@ -189,7 +189,7 @@ class Search:
 
     def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
         """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
-        if not seen.races or best.is_white or best.model.excess > SHARED.hopeless or self.patience.ended:
+        if not seen.races or best.is_white or best.model.excess > SHARED.hopeless or self.budget.is_spent:
             return ()
         heard = self.trials.look_for_tones(best.model)
         if not heard.singles or heard.singles[0].gain < SCORES.by_a_tone * heard.rest:
@@ -204,7 +204,7 @@ class Search:
         fresh: list[Candidate] = []
         done = -np.inf
         for addition in sorted(additions, key=lambda addition: addition.score.size):
-            if self.patience.ended:
+            if self.budget.is_spent:
                 break
             if addition.score.log_evidence < done:
                 continue

@@ -8,11 +8,11 @@ and, of whole windows, when held-out ones are predicted better; a term that anot
 
 from dataclasses import dataclass
 
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.scores.views import PERIODIC, View
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
     Candidate,
     accepted,
@@ -50,7 +50,7 @@ class Selection:
     pushes: tuple[Contact, ...] = ()
     """for which the search was broken off: all but these windows follow the best model"""
     cut_short: str = ""
-    """why it was not gone on with, where structure stays and patience has ended"""
+    """why it was not gone on with, where structure stays and the budget is spent"""
     alone: UnknownForce | None = None
     """one unknown wrench, where it was asked for: without terms where none explains nearly all"""
     outdone: Completed | None = None
@@ -63,7 +63,7 @@ def select(
     *,
     pushes: bool = True,
     known: Completed | None = None,
-    patience: Patience | None = None,
+    budget: Budget | None = None,
     seen: View | None = None,
 ) -> Selection:
     """Search for what was left out, starting from the fits of the model as it is.
@@ -72,7 +72,7 @@ def select(
     with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
     seen: all scores at a baseline, where they are known.
     """
-    search = Search(start, say, pushes, patience or Patience(), seen)
+    search = Search(start, say, pushes, budget or Budget(), seen)
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"without any effect: {baseline.held_out.says}")
     settled = search.known_to_do(known)
@@ -90,9 +90,9 @@ def select(
             return Selection(baseline, baseline, tried, passing, first, first, alone=lone.found, outdone=short[0])
     standing = search.over_whole_windows(best, hands)
     # a model with which a search ended stood among its imitators already
-    if not (standing.is_broken_off or standing.best is settled or search.patience.ended):
+    if not (standing.is_broken_off or standing.best is settled or search.budget.is_spent):
         standing = _with_siblings(search, _with_imitators(search, standing))
-    if not (standing.is_broken_off or start.follows or search.patience.ended):
+    if not (standing.is_broken_off or start.follows or search.budget.is_spent):
         standing = _without_the_doubtful(search, standing)
     best = standing.best
     return Selection(
@@ -103,7 +103,7 @@ def select(
         first=standing.last if search.trials.first is None else search.trials.first,
         last=standing.last,
         pushes=standing.pushes,
-        cut_short=search.patience.says if search.patience.ended and not best.is_white else "",
+        cut_short=search.budget.says if search.budget.is_spent and not best.is_white else "",
         alone=lone.found,
     )
 

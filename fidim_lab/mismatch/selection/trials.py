@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from functools import partial
 
 from fidim_lab.identification.mle.starts.springs import stretches
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.scores.views import PERIODIC, View, tones, view
 from fidim_lab.mismatch.selection.additions import Addition, additions
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
     Candidate,
     advantage,
@@ -35,9 +35,9 @@ from fidim_lab.say import Say
 class Trials:
     """The input of one search, from the fits of the model without effects."""
 
-    def __init__(self, start: Baseline, say: Say, patience: Patience, seen: View | None = None) -> None:
+    def __init__(self, start: Baseline, say: Say, budget: Budget, seen: View | None = None) -> None:
         """seen: all scores at a baseline, where they are known."""
-        self.start, self.say, self.patience = start, say, patience
+        self.start, self.say, self.budget = start, say, budget
         self.passing: list[Completed] = []
         """models that were fitted to the first seconds alone"""
         self.raced: list[Completed] = []
@@ -80,7 +80,7 @@ class Trials:
             return None
         self._remember(found)
         fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
-        if self.patience.ended or rest_of(found) > SHARED.half * min(rest_of(other) for other in fewer):
+        if self.budget.is_spent or rest_of(found) > SHARED.half * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
         return widened(self.start, found, addition.score.tried)
 
@@ -106,7 +106,7 @@ class Trials:
     def judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
         """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
         judged = self.judged(model)
-        if self.patience.ended or judged.is_white or not model.is_white:
+        if self.budget.is_spent or judged.is_white or not model.is_white:
             return judged
         wide = more_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
         return judged if wide is None else self.judged(wide)

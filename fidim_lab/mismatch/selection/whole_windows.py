@@ -6,9 +6,9 @@ from functools import partial
 from itertools import islice
 
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed, again, refit
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import Candidate, accepted
 from fidim_lab.mismatch.selection.generalise import widened
 from fidim_lab.mismatch.selection.trials import Trials
@@ -23,7 +23,7 @@ class WholeWindows:
 
     start: Baseline
     say: Say
-    patience: Patience
+    budget: Budget
     trials: Trials
     hopeless: float = SHARED.hopeless
     """χ²/dof of whole windows, from which a model is not gone on with"""
@@ -36,7 +36,7 @@ class WholeWindows:
         ahead = self._two_at_once(able, baseline.model)
         for k, model in enumerate(able):
             terms = {h.effect for h in model.tried}
-            if self.patience.ended and (fresh or in_vain):
+            if self.budget.is_spent and (fresh or in_vain):
                 break  # what the first seconds say best is seen to its end
             if any(terms <= more for more in in_vain):
                 continue  # with fewer terms it can follow no better
@@ -57,7 +57,7 @@ class WholeWindows:
 
     def _two_at_once(self, able: Sequence[Completed], as_it_is: Completed) -> dict[int, Completed | None]:
         """The first and the next that has other terms, side by side; none where the first alone is likely to do."""
-        if not able or self.patience.ended or able[0].is_white:
+        if not able or self.budget.is_spent or able[0].is_white:
             return {}
         first = {h.effect for h in able[0].tried}
         others = (k for k, model in enumerate(able) if not {h.effect for h in model.tried} <= first)

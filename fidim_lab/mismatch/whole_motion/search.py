@@ -15,6 +15,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.survey import stated, usual
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
@@ -25,6 +26,8 @@ from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
 from fidim_lab.say import Say
 
+Rivals = tuple[tuple[WholeModel, ...] | None, ...]
+"""for each term of a model those with another one in its place, None where the search was ended before"""
 SURVEY_ROUNDS = 2
 """of offsets and of how many times a usual survey they are, in turn"""
 
@@ -36,10 +39,12 @@ class SearchOutcome:
     base: WholeModel
     """the model as it is"""
     best: WholeModel
-    rivals: tuple[tuple[WholeModel, ...], ...]
+    rivals: Rivals
     """for each term of the best: models with another one in its place that are not excluded, the most evident first"""
     tried: tuple[WholeModel, ...]
     """every model that was fitted, the most evident first"""
+    cut_short: str = ""
+    """that the search was ended before everything was tried; empty where it was not"""
 
     @property
     def temper(self) -> float:
@@ -47,10 +52,15 @@ class SearchOutcome:
         return self.best.temper
 
 
-def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection[str] = ()) -> SearchOutcome:
-    """Look for what whole windows lack beside `common`. without: ids of effects that are taken as unknown."""
+def search(
+    campaign: Campaign, common: CommonPart, budget: Budget, say: Say, without: Collection[str] = ()
+) -> SearchOutcome:
+    """Look for what whole windows lack beside `common`. without: ids of effects that are taken as unknown.
+
+    Once the budget is spent no term and no rival is tried any more.
+    """
     trial = ModelFits(common, common.prepared(campaign, Role.VALIDATE, say))
-    steps = _Steps(trial, hypotheses(campaign.robot, without), say)
+    steps = _Steps(trial, hypotheses(campaign.robot, without), budget, say)
     base = trial.as_it_is
     say(f"whole windows without any effect: fitted {1e3 * base.fitted:.3g} mm, held out {1e3 * base.held_out:.3g} mm")
     best, rivals = steps.beside_rivals(base)
@@ -61,14 +71,14 @@ def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection
         best, rivals = steps.beside_rivals(better)
     every = {one.label: one for one in (base, *steps.tried, best)}
     tried = sorted(every.values(), key=lambda one: -log_odds(one, best))
-    return SearchOutcome(base, best, rivals, tuple(tried))
+    return SearchOutcome(base, best, rivals, tuple(tried), budget.says if budget.is_spent else "")
 
 
 class _Steps:
     """What one search tries."""
 
-    def __init__(self, trial: ModelFits, every: Hypotheses, say: Say) -> None:
-        self.trial, self.say = trial, say
+    def __init__(self, trial: ModelFits, every: Hypotheses, budget: Budget, say: Say) -> None:
+        self.trial, self.budget, self.say = trial, budget, say
         known = {one.id for one in trial.common.nuisances if isinstance(one, NamedEffect)}
         left = (h for h in every.direct if not stretches(h.effect) and h.effect.id not in known)
         self.every = replace(every, periodic=(), direct=tuple(left))
@@ -95,7 +105,7 @@ class _Steps:
         self.tried += [opened] if asked else []
         return own if asked else opened
 
-    def beside_rivals(self, begun: WholeModel) -> tuple[WholeModel, tuple[tuple[WholeModel, ...], ...]]:
+    def beside_rivals(self, begun: WholeModel) -> tuple[WholeModel, Rivals]:
         """Where the search goes from a model, at its optimum, and the rivals of each of its terms."""
         best = self.forward(self.surveyed(begun))
         best = self.trial.finished(best) if best.size else best
@@ -103,14 +113,14 @@ class _Steps:
 
     def forward(self, best: WholeModel) -> WholeModel:
         """With as many further terms as are asked for, each in the form that is, and without those made needless."""
-        while len(best.terms) < SHARED.most_terms:
+        while len(best.terms) < SHARED.most_terms and not self.budget.is_spent:
             further = self.further(best)
             if further is None:
                 break
             best = self.surveyed(self.simpler(further))
             out = f"fitted {1e3 * best.fitted:.3g} mm, held out {1e3 * best.held_out:.3g} mm"
             self.say(f"whole windows: {best.label}, {out}")
-        return self.simpler(self.widened(best))
+        return self.simpler(best if self.budget.is_spent else self.widened(best))
 
     def further(self, best: WholeModel) -> WholeModel | None:
         """The most evident model with one more term that held-out windows confirm, or None.
@@ -146,9 +156,10 @@ class _Steps:
             best = max(less, key=lambda one: log_odds(one, less[0]))
         return best
 
-    def better(self, best: WholeModel, rivals: Sequence[Sequence[WholeModel]]) -> WholeModel | None:
+    def better(self, best: WholeModel, rivals: Rivals) -> WholeModel | None:
         """The most evident rival where it is more evident than the best and predicts no worse, or None."""
-        more = [one for every in rivals for one in every if log_odds(one, best) > 0.0 and taken(best, one) >= 0.0]
+        known = (one for every in rivals for one in every or ())
+        more = [one for one in known if log_odds(one, best) > 0.0 and taken(best, one) >= 0.0]
         return max(more, key=lambda one: log_odds(one, best)) if more else None
 
     def _simple(self, model: WholeModel, k: int) -> WholeModel:
@@ -173,11 +184,13 @@ class _Steps:
         form = general(model.terms[k], effect, theta)
         return self.trial.instead(model, k, form, theta[list(form.scored)])
 
-    def rivals(self, best: WholeModel, k: int) -> tuple[WholeModel, ...]:
-        """Models with another term in the place of one, that the windows do not exclude.
+    def rivals(self, best: WholeModel, k: int) -> tuple[WholeModel, ...] | None:
+        """Models with another term in the place of one, that the windows do not exclude; None where none was tried.
 
         They are held against its simple form: a more general law says more of how it acts, not of what acts.
         """
+        if self.budget.is_spent:
+            return None
         less = self.trial.without(best, k)
         if less is None:
             return ()

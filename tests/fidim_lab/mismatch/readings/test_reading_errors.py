@@ -10,13 +10,13 @@ from benchmarks.sealed.campaigns import NATIVE, SealedRecipe, sealed_campaign
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.rounds import Rounds
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.general_geometry import opened
 from fidim_lab.mismatch.thresholds import SHARED
 from sim_backends.plant.sensors import Noise
@@ -143,7 +143,7 @@ def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: R
     assert reading_errors(exact.fit, wrong, SHARED.enough) is not None
     geometry_open = opened(exact, 1.0, lambda _: None)
     assert reading_errors(geometry_open.fit, wrong, SHARED.enough) is None
-    rounds = Rounds(exact.short.likelihood.mechanism, lambda _: None, Patience())
+    rounds = Rounds(exact.short.likelihood.mechanism, lambda _: None, Budget())
     reached = rounds.reached(clean(wrong))
     assert reached.errors is None
     assert reached.last.baseline.geometry

@@ -2,11 +2,11 @@
 
 import pytest
 
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed, evidence, refit
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.views import View, view
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import common_scale
 from fidim_lab.mismatch.selection.confounders import imitators, in_their_place
 from fidim_lab.mismatch.selection.search import Search, SearchState
@@ -111,7 +111,7 @@ def test_what_was_taken_for_a_turned_frame_may_be_one_cable(baseline_of) -> None
 @pytest.mark.slow
 def test_what_the_imitator_makes_needless_is_dropped(rubbing: Baseline) -> None:
     both = rubbing_at(rubbing, 1, 2)
-    search = Search(rubbing, lambda _: None, False, Patience())
+    search = Search(rubbing, lambda _: None, False, Budget())
     standing = _with_imitators(search, SearchState(search.trials.judged(both), search.trials.look(both)))
     best, seen = standing.best, standing.last
     found = {(h.effect.id, h.effect.cable) for h in best.model.tried}

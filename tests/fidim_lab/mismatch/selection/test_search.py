@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.selection import search as module
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import Candidate, candidate
 from fidim_lab.mismatch.selection.search import Search
 from fidim_lab.mismatch.selection.select import Selection
@@ -47,7 +47,7 @@ def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
     monkeypatch.setattr(Completed, "is_white", white)
     asked: list[bool] = []
     monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
-    search = Search(quiet, lambda _: None, False, Patience(-1.0))
+    search = Search(quiet, lambda _: None, False, Budget(patience=-1.0))
     monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
     monkeypatch.setattr(search.trials, "look", lambda _: replace(searched.first, singles=()))
     assert search.over_first_seconds(lambda _: False) == [found]
@@ -65,12 +65,12 @@ def test_a_soft_hand_at_the_same_time_of_every_window_is_found_beside_other_effe
     model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
     assert model is not None
     best = candidate(model, predict(model, start.held_out))
-    found = Search(start, lambda _: None, True, Patience())._pushes_alike(best)
+    found = Search(start, lambda _: None, True, Budget())._pushes_alike(best)
     assert {contact.window for contact in found} == {window.id for window in start.campaign.windows}
     for contact in found:
         assert contact.begin < 2.3
         assert contact.end > 3.5
-    assert Search(start, lambda _: None, False, Patience())._pushes_alike(best) == ()
+    assert Search(start, lambda _: None, False, Budget())._pushes_alike(best) == ()
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_s
     """The model as it is leaves more of every segment than the hand does, and no whole window is followed."""
     hand = f"hand-contact:fx=5.0,fy=0.4,start=3.7,stop=4.6,window={window}"
     start = baseline_of(hand, "cable-elasticity:EA=1.2e5,c=60", seed=43, windows=5, seconds=8.0)
-    search = Search(start, lambda _: None, look_for_pushes=True, patience=Patience())
+    search = Search(start, lambda _: None, look_for_pushes=True, budget=Budget())
     baseline = candidate(start.as_it_is, start.predicted)
     _, hands = search.best_over_all(baseline, search.over_first_seconds(lambda _: False))
     every = [one.id for one in start.campaign.windows]
@@ -100,9 +100,7 @@ def test_what_came_first_is_found_anew_once_the_others_are_there(baseline_of) ->
         windows=8,
         seconds=6.0,
     )
-    best = Search(start, lambda _: None, look_for_pushes=True, patience=Patience()).over_first_seconds(lambda _: False)[
-        0
-    ]
+    best = Search(start, lambda _: None, look_for_pushes=True, budget=Budget()).over_first_seconds(lambda _: False)[0]
     found = {(h.effect.id, h.effect.cable): theta for h, theta in zip(best.tried, best.thetas, strict=True)}
     assert set(found) == {("marker-offset", None), ("cable-length-bias", 1), ("loose-mass", None)}
     assert found["loose-mass", None][1] == pytest.approx(2.4, rel=0.1)

@@ -8,13 +8,13 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.selection import trials as module
 from fidim_lab.mismatch.selection.additions import Addition
-from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.thresholds import SELECTION
@@ -73,7 +73,7 @@ def test_pruning_fits_the_same_terms_of_whole_windows_once(
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "price", lambda model, k: 1.0)
-    trials = Trials(start, lambda _: None, Patience())
+    trials = Trials(start, lambda _: None, Budget())
     pair = model(first, second, whole=whole)
     kept = [trials.keeping(pair, [1]) for _ in range(2)]
     assert [one.tried for one in kept if one] == [(second,)] * 2
@@ -95,7 +95,7 @@ def test_a_fit_that_ended_far_before_its_optimum_is_made_again_from_a_better_one
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "price", lambda model, k: price)
-    trials = Trials(start, lambda _: None, Patience())
+    trials = Trials(start, lambda _: None, Budget())
     both = model(drag, tilt)
     kept = [trials.keeping(both, [0]) for _ in range(3)]
     reached = [one.fit.chi2_per_dof for one in kept if one]
@@ -115,7 +115,7 @@ def test_a_fit_that_ended_far_before_its_optimum_goes_on_as_long_as_that_helps(
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "price", lambda model, k: 0.1)
-    trials = Trials(start, lambda _: None, Patience())
+    trials = Trials(start, lambda _: None, Budget())
     both = model(tone, mass)
     found = trials.keeping(both, [0])
     assert found is not None
@@ -144,7 +144,7 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
 
     monkeypatch.setattr(module, "in_place_of", in_place_of)
     monkeypatch.setattr(module, "most_convincing", convincing)
-    trials = Trials(start, lambda _: None, Patience())
+    trials = Trials(start, lambda _: None, Budget())
     assert soft.effect.variant == "by length"
     found = trials.in_best_form(model(soft, tilt, whole=False))
     assert found.tried[0].effect.variant == expected
@@ -186,7 +186,7 @@ def test_a_wider_form_that_others_have_made_needless_becomes_the_simple_one(
     ((effect, theta),) = simple.effect.wider(np.array([0.5]), irma4)
     steep = general(simple, effect, theta)
     monkeypatch.setattr(module, "advantage", lambda model, less: lost)
-    trials = Trials(start, lambda _: None, Patience())
+    trials = Trials(start, lambda _: None, Budget())
     found = trials.pruned(model(steep, tilt))
     assert [h.effect.id for h in found.tried] == [expected, "gravity-tilt"]
     np.testing.assert_allclose(refits[0][0], [0.0])
@@ -217,7 +217,7 @@ def test_a_hose_without_a_spring_falls_into_what_it_stands_for(
     theta = np.array([k, c, 0.1, 0.15, 0.05, 0.0, 0.0, 0.2])
     found = model(hose, theta=theta)
     monkeypatch.setattr(module, "advantage", lambda model, less: -10.0)
-    told = Trials(start, lambda _: None, Patience()).pruned(found)
+    told = Trials(start, lambda _: None, Budget()).pruned(found)
     assert [h.effect.id for h in told.tried] == expected
     if len(expected) == 2:
         np.testing.assert_allclose(refits[0][0], [c])
@@ -225,7 +225,7 @@ def test_a_hose_without_a_spring_falls_into_what_it_stands_for(
 
 
 @pytest.mark.parametrize(("cpu", "widened"), [(1e9, 1), (0.0, 0)])
-def test_wider_forms_are_not_tried_once_patience_has_ended(
+def test_wider_forms_are_not_tried_once_the_budget_is_spent(
     irma4: Robot,
     start: Baseline,
     searched: Selection,
@@ -246,7 +246,7 @@ def test_wider_forms_are_not_tried_once_patience_has_ended(
     seen = replace(searched.first, model=model())
     monkeypatch.setattr(Addition, "fitted", lambda *_: model(drag))
     addition = Addition(seen, Score((drag,), (np.zeros(1),), 100.0, 40.0))
-    trials = Trials(start, lambda _: None, Patience(cpu))
+    trials = Trials(start, lambda _: None, Budget(patience=cpu))
     found = trials.added(addition, [])
     assert found is not None
     assert found.tried == (drag,)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, hypotheses
 from fidim_lab.mismatch.selection import whole_windows as module
-from fidim_lab.mismatch.selection.budget import Patience
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
         judged_or_wider=lambda found, new: SimpleNamespace(is_white=False, model=found),
     )
     start, baseline = SimpleNamespace(whole_ground=None, context=None), SimpleNamespace(model=None)
-    stage = module.WholeWindows(start, said.append, Patience(), trials, hopeless)  # type: ignore[arg-type]
+    stage = module.WholeWindows(start, said.append, Budget(), trials, hopeless)  # type: ignore[arg-type]
     best, followed = stage.best(baseline, short)  # type: ignore[arg-type]
     assert best is baseline
     assert followed is (2.0 in left)

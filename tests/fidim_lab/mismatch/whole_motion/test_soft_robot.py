@@ -11,6 +11,7 @@ from fidim_lab.data.records import Body, Campaign, Robot
 from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.identification.choice import soft_mode
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.whole_motion.common_part import elastic
@@ -32,7 +33,7 @@ def test_what_dissipates_is_found_beside_cables_that_are_springs(
     assert CableStiffness() in common.nuisances
     assert not {effect.id for effect in common.found.likelihood.mechanism.effects} & {*DISSIPATION}  # pyright: ignore
     assert softness in common.sentences[0]
-    outcome = search(campaign, common, lambda _: None, without=others)
+    outcome = search(campaign, common, Budget(), lambda _: None, without=others)
     assert [term.effect.id for term in outcome.best.terms] == ["rotational-drag"]
     assert outcome.best.held_out < 0.5 * outcome.base.held_out
     assert outcome.best.chi2_per_dof < 2.0

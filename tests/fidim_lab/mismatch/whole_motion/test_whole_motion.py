@@ -12,6 +12,7 @@ from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.survey import usual
+from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
@@ -66,7 +67,7 @@ def _recorded(robot: Robot, windows: int, seconds: float, beside: tuple[str, ...
 def test_of_two_dissipations_the_true_one_is_named_beside_an_open_geometry(irma4: Robot):
     others = {effect.id for effect in catalogue(irma4)} - {"attachment-friction", "air-drag-linear"}
     campaign = _recorded(irma4, 3, 2.5)
-    outcome = search(campaign, rigid(campaign, Mechanism(irma4, native=True)), lambda _: None, without=others)
+    outcome = search(campaign, rigid(campaign, Mechanism(irma4, native=True)), Budget(), lambda _: None, without=others)
     assert "attachment-friction" in {h.effect.id for h in outcome.best.terms}
     assert outcome.best.geometry
     assert outcome.best.held_out < 0.5 * outcome.base.held_out
@@ -92,7 +93,7 @@ def campaign(irma4: Robot) -> Campaign:
 
 @pytest.fixture(scope="module")
 def outcome(campaign: Campaign) -> SearchOutcome:
-    return search(campaign, rigid(campaign, Mechanism(campaign.robot, native=True)), lambda _: None)
+    return search(campaign, rigid(campaign, Mechanism(campaign.robot, native=True)), Budget(), lambda _: None)
 
 
 @pytest.mark.slow
@@ -129,7 +130,35 @@ def test_a_survey_that_the_file_states_is_counted_and_no_cause(irma4: Robot):
     rough = Before(9.0, 9.0)
     open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
     common = partial(rigid, campaign, Mechanism(stated, native=True))
-    told = with_whole_motion(open_still, campaign, common, lambda _: None, others)
+    told = with_whole_motion(open_still, campaign, common, Budget(), lambda _: None, others)
     assert [cause.id for cause in told.effects] == ["attachment-friction"]
     assert told.geometry is not None
     assert "The survey in the robot file was used" in told.message
+
+
+class SpentAfter(Budget):
+    """A budget that is spent when it has been asked for so many times."""
+
+    def __init__(self, asked: int) -> None:
+        super().__init__(effort=0.0)
+        self.__dict__["left"] = asked
+
+    @property
+    def is_spent(self) -> bool:
+        self.__dict__["left"] -= 1
+        return self.__dict__["left"] < 0
+
+
+@pytest.mark.slow
+def test_a_search_that_was_ended_names_nothing_as_the_only_cause(irma4: Robot):
+    """The term it found stands; that nothing was tried in its place is said."""
+    others = {effect.id for effect in catalogue(irma4)} - {"attachment-friction", "air-drag-linear"}
+    campaign = _recorded(irma4, 3, 2.5)
+    rough = Before(9.0, 9.0)
+    open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
+    common = partial(rigid, campaign, Mechanism(irma4, native=True))
+    told = with_whole_motion(open_still, campaign, common, SpentAfter(1), lambda _: None, others)
+    friction = next(cause for cause in told.effects if cause.id == "attachment-friction")
+    assert not friction.single
+    assert "What could replace attachment-friction was not tried." in told.message
+    assert "limit of work" in told.message
