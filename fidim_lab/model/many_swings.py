@@ -26,6 +26,8 @@ MOTIONS: Mapping[str, str] = MappingProxyType(
     }
 )
 """names, and what the platform does"""
+MASSLESS = 1e-12
+"""of the largest inertia that a swing meets: below it there is none but rounding"""
 LONGEST = 0.3
 """m and rad, of a step of Newton's method: the rest of another body is some steps away"""
 STEPS, NEAR = 12, 1e-7
@@ -72,7 +74,7 @@ class ManySwings:
 
     rests: ManyRests
     hangs: Bool[np.ndarray, " B"]
-    """whether it rests there stably, all cables taut; of others the numbers mean nothing"""
+    """whether it can move and rests there stably, all cables taut; of others the numbers mean nothing"""
     squares: Float[np.ndarray, "B free"]
     """(2π f)², ascending; 0 for a neutral freedom"""
     shapes: Float[np.ndarray, "B 6 free"]
@@ -105,18 +107,18 @@ def many_swings(
     near: ManyRests,
     theta: Float[np.ndarray, "B theta"] | None = None,
 ) -> ManySwings:
-    """Of each body at its lengths (m), its rest sought from `near`; theta: of the mechanism unless given.
-
-    Inertia must be such that bodies can move.
-    """
+    """Of each body at its lengths (m), its rest sought from `near`; theta: of the mechanism unless given."""
     theta = mechanism.theta if theta is None else theta
     rests, hessian, xi, found = _rests(mechanism, bodies[:, :3], lengths, near, theta)
     R, held, n = rests.rotations, rests.tensions, mechanism.n
     free = np.linalg.svd(xi)[2][:, n:].transpose(0, 2, 1)
-    mass = _masses(bodies, R)
-    squares, vectors = _solved(free.transpose(0, 2, 1) @ hessian @ free, free.transpose(0, 2, 1) @ mass @ free)
+    mass = free.transpose(0, 2, 1) @ _masses(bodies, R) @ free
+    inertias = np.linalg.eigvalsh(mass)
+    moves = inertias[:, 0] > MASSLESS * inertias[:, -1]
+    mass[~moves] = np.eye(mass.shape[1])
+    squares, vectors = _solved(free.transpose(0, 2, 1) @ hessian @ free, mass)
     least = NEUTRAL_STIFFNESS * squares.max(axis=1)
-    hangs = found & (held.min(axis=1) > 0) & (squares.min(axis=1) > -least)
+    hangs = found & moves & (held.min(axis=1) > 0) & (squares.min(axis=1) > -least)
     squares = np.where(np.abs(squares) <= least[:, np.newaxis], 0.0, squares)
     shapes = free @ vectors
     return ManySwings(rests, hangs, squares, shapes, _shares(mechanism.robot, bodies, R, shapes))

@@ -146,10 +146,12 @@ def identify_by_periods(campaign: Campaign) -> IdentificationResult:
 
 
 def _with_geometry(known: _Known, x: np.ndarray, sd: np.ndarray) -> _Known:
-    """With the errors of geometry and cords in those of the readings, as they are at a body."""
+    """With the errors of geometry and cords in those of the readings, as they are at a body that hangs."""
     model, (_, noise) = known.model, known.model.measured
     near = model.said(x[np.newaxis], model.start(1)).rests
     by = model.by_geometry(x, near) * sd
+    if not np.isfinite(by).all():
+        return known  # it hardly hangs; periods that contradict each other lead there
     return _Known(model, known.mean, known.width, known.readings, np.diag(noise**2) + by @ by.T)
 
 

@@ -80,7 +80,7 @@ class PeriodModel:
 
     @staticmethod
     def of(mechanism: Mechanism, body: Body, periods: Sequence[Period]) -> "PeriodModel":
-        """Raises SetupError for lengths at which the body cannot hang."""
+        """Raises SetupError for lengths at which the body cannot hang, and for more swings there than it has."""
         hangings: list[np.ndarray] = []
         rests: list[ManyRests] = []
         for k, period in enumerate(periods, start=1):
@@ -94,7 +94,23 @@ class PeriodModel:
                     hint="Lengths are by tape, from anchor to attachment, m; compare d and a of the robot file.",
                 ) from error
             hangings.append(period.lengths)
-        return PeriodModel(mechanism, body, tuple(periods), tuple(hangings), tuple(rests))
+        made = PeriodModel(mechanism, body, tuple(periods), tuple(hangings), tuple(rests))
+        for h in range(len(hangings)):
+            made.refuse_more_than_free(h)
+        return made
+
+    def refuse_more_than_free(self, h: int) -> None:
+        """Raise SetupError where so many different periods were read at a hanging that no swing is left for some."""
+        rows = [k for k in range(len(self.periods)) if self.hanging[k] == h]
+        groups, free = _groups([self.periods[k] for k in rows]), self.mechanism.robot.freedoms
+        count = len(set(groups))
+        if count > free:
+            told = ", ".join(f"{self.periods[k].value:.4g} s ({self.periods[k].name})" for k in rows)
+            raise SetupError(
+                f"Periods {', '.join(str(k + 1) for k in rows)}: {count} different ones, {told}, were read at the "
+                f"same lengths, and the body has {free} swings there.",
+                hint=f"Readings of one swing agree to {100 * ALIKE:g} %: leave out those that were miscounted.",
+            )
 
     @cached_property
     def hanging(self) -> tuple[int, ...]:

@@ -15,6 +15,8 @@ from fidim_lab.identification.results.result import ResultOutcome, ShortAnswer
 from fidim_lab.say import counted
 from fidim_lab.units import millimetres, plain
 
+LINEAR = 2.0
+"""times a period, up to which what the others foretell of it, which is to first order, means something"""
 CHANCE = 1e-3
 """by which right readings contradict each other, or the robot file, so much"""
 
@@ -64,11 +66,13 @@ class Agreement:
         """What is probably wrong, as a sentence or two; mends: with which all would agree."""
         k = int(np.argmax(np.abs(self.pulls)))
         if k < len(periods):
-            one, by_others = periods[k], float(np.exp(self.foretold[k]))
-            said = (
-                f"Farthest off is period {k + 1} ({one.name}): {one.value:.5g} s, by all others {by_others:.5g} ± "
-                f"{plain(float(self.sd[k]) * by_others, 2)} s."
-            )
+            one, ratio = periods[k], float(self.foretold[k] - np.log(periods[k].value))
+            said = f"Farthest off is period {k + 1} ({one.name}): {one.value:.5g} s, "
+            if abs(ratio) < np.log(LINEAR):
+                by_others = one.value * float(np.exp(ratio))
+                said += f"by all others {by_others:.5g} ± {plain(float(self.sd[k]) * by_others, 2)} s."
+            else:
+                said += "which no body like the nominal one has beside all others."
         else:
             said = "Farthest off is a tilt: is the inclinometer along the body's axes, and was the platform at rest?"
         return f"{said} All agree with {', or '.join(mends)}." if mends else said

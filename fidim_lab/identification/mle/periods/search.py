@@ -20,6 +20,8 @@ DAMPED, EASED, DAMPED_MORE, MOST = 1e-3, 0.2, 5.0, 1e6
 """damping over the curvature, at first and by what it changes; above the last nothing is gained any more"""
 FLAT = 1e-6
 """curvature where there is none: moments that have become nothing change no more"""
+THINNEST = 1e-4
+"""m: a body is at least so thick (root mean square), or rounding decides whether it exists"""
 SMALL = 1e-6
 """of the unknowns, for derivatives of what is computed exactly"""
 
@@ -73,6 +75,7 @@ def searched(
         step = -np.linalg.solve(damped, gradient)[:, :, 0]
         gain = -np.sum(gradient[:, :, 0] * step, axis=1)
         tried = u[rows] + np.clip(step, -1.0, 1.0)
+        tried[:, 3:6] = np.maximum(tried[:, 3:6], np.log(THINNEST))
         there = from_unknowns(tried)
         heard = model.said(there, tuple(rest.of(rows) for rest in said.rests))
         new, new_left = _costs(there, heard, readings[rows], whitener, prior[rows], width)

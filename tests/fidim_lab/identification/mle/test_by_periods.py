@@ -149,6 +149,30 @@ def test_lengths_without_rest_and_swings_that_there_are_not(bifilar: Robot) -> N
         identified(trifilar, (Period(np.full(3, 2.0), "rock", 1.4, 1, 1e-3),))
 
 
+def test_more_different_periods_than_there_are_swings_are_refused(bifilar: Robot) -> None:
+    scattered = tuple(Period(np.array(HIGH), "yaw", 20 * (2.5 + 0.05 * k), 20, 0.1, 0.05, None) for k in range(6))
+    with pytest.raises(SetupError, match=r"6 different ones, 2\.5 s \(yaw\).* the body has 4 swings there"):
+        identified(bifilar, scattered)
+
+
+def test_periods_that_no_body_has_are_told_and_never_break_anything(bifilar: Robot) -> None:
+    """They drive the search to bodies without thickness, or to where they hardly hang."""
+    rng = np.random.default_rng(5)
+    usual = {"": 3.0, "yaw": 2.5, "along": 3.05, "across": 3.2, "rock": 1.3}
+    for _ in range(12):
+        periods: list[Period] = []
+        for _ in range(4):
+            motion = str(rng.choice(list(usual)))
+            time = 20 * usual[motion] * float(np.exp(0.15 * rng.normal()))
+            periods.append(Period(np.array(HIGH if rng.random() < 0.5 else LOW), motion, time, 20, 0.02, 0.0, None))
+        try:
+            found = identified(bifilar, tuple(periods))
+        except (RefusedError, SetupError):
+            continue
+        assert np.isfinite(found.body.vector).all()
+        assert found.outcome is not ResultOutcome.CONVERGED
+
+
 def test_swings_that_the_independent_plant_makes_are_within_their_errors(capsys: pytest.CaptureFixture[str]) -> None:
     found = dict(zip(PARAMETER_NAMES, errors(4, "bifilar", level=True, lengths=1), strict=True))
     assert capsys.readouterr().out
