@@ -44,7 +44,7 @@ def register_command(folders: Sequence[Path], out: Path, json_file: Path | None)
     console.out.print(summary(campaigns[0], found))
     good = found.best.chi2_per_dof < GOOD
     if good:
-        robot = registered_robot(campaigns[0].robot, found.best.placement)
+        robot = registered_robot(campaigns[0].robot, found)
         write_robot(out, robot, comment=f"Registered by fidim register from {', '.join(map(str, folders))}.")
         console.out.print(f"Robot file  {out}", markup=False)
     write_answer(json_file, "fidim-registration/1", to_json(found))
@@ -70,13 +70,18 @@ def _refuse_several(campaigns: Sequence[Campaign], folders: Sequence[Path]) -> N
 
 def summary(campaign: Campaign, found: Registered) -> RenderableType:
     """What was tried, the registration, and what disagrees."""
-    return Group(_tried(found), *map(Text, sentences(found)), _left(campaign, found))
+    return Group(_tried(found), *map(Text, sentences(campaign, found)), _left(campaign, found))
 
 
-def sentences(found: Registered) -> list[str]:
+def sentences(campaign: Campaign, found: Registered) -> list[str]:
     """The answer in words."""
     best, place = found.best, found.best.placement
-    said = [f"{found.samples} instants were used. The recordings support fitting {found.free.says}."]
+    said = [f"{len(found.sample.markers)} instants were used. The recordings support fitting {found.free.says}."]
+    unseen = sorted(set(range(len(campaign.robot.markers))) - set(found.sample.numbers))
+    said += [
+        f"Marker {m + 1} is seen in less than half of all samples: it stays where the robot file has it."
+        for m in unseen
+    ]
     if found.free.frame:
         turn, shift = (", ".join(f"{x:.2g}" for x in sd) for sd in (np.degrees(best.sd_turn), 1e3 * best.sd_shift))
         said.append(
@@ -84,7 +89,7 @@ def sentences(found: Registered) -> list[str]:
             f"± {shift} mm)."
         )
     if found.free.markers:
-        for m, (at, sd) in enumerate(zip(place.body, best.sd_body, strict=True)):
+        for m, at, sd in zip(found.sample.numbers, place.body, best.sd_body, strict=True):
             said.append(f"Marker {m + 1} is at {_mm(at)} ± {_mm(sd)} mm of the body.")
     if found.free.zeros:
         said += [
@@ -117,8 +122,8 @@ def _left(campaign: Campaign, found: Registered) -> Table:
     """Residuals by marker and by cable, and what each anchor would take away."""
     table = Table(title="What is left, rms")
     console.columns(table, "what", "mm", "χ²/dof with its anchor free", "anchor moved by, mm")
-    for m in range(found.best.markers.shape[1]):
-        table.add_row(f"marker {m + 1}", f"{_rms(found.best.markers[:, m]):.3g}", "", "")
+    for k, m in enumerate(found.sample.numbers):
+        table.add_row(f"marker {m + 1}", f"{_rms(found.best.markers[:, k]):.3g}", "", "")
     for k, one in zip(range(campaign.robot.n), found.suspects, strict=True):
         left = f"{_rms(found.best.lengths[:, k]):.3g}"
         table.add_row(f"length of cable {k + 1}", left, plain(one.chi2_per_dof), _mm(one.by))
@@ -139,14 +144,18 @@ def to_json(found: Registered) -> dict[str, object]:
     return {
         "free": found.free.says,
         "chi2_per_dof": best.chi2_per_dof,
-        "instants": found.samples,
+        "instants": len(found.sample.markers),
         "frame": {
             "turn": place.turn.tolist(),
             "shift": place.shift.tolist(),
             "turn_sd": best.sd_turn.tolist(),
             "shift_sd": best.sd_shift.tolist(),
         },
-        "markers": {"at": place.body.tolist(), "sd": best.sd_body.tolist()},
+        "markers": {
+            "numbers": [m + 1 for m in found.sample.numbers],
+            "at": place.body.tolist(),
+            "sd": best.sd_body.tolist(),
+        },
         "zeros": {"value": place.zeros.tolist(), "sd": best.sd_zeros.tolist()},
         "left_rms": {
             "markers": [_rms(best.markers[:, m]) / 1e3 for m in range(best.markers.shape[1])],

@@ -61,7 +61,7 @@ class Registered:
     """the best first"""
     suspects: tuple[Suspect, ...]
     """of all cables"""
-    samples: int
+    sample: PoseSamples
 
     @property
     def best(self) -> WindowPlacement:
@@ -88,9 +88,13 @@ def register_campaigns(campaigns: Sequence[Campaign]) -> Registered:
             "with any capture frame, and show neither frame nor markers nor zeros.",
             hint="Register with a recording whose lengths are read by encoders with known zeros, at any equilibrium.",
         )
-    sample = sampled(robot.n, windows, each=EACH, most_windows=len(windows))
+    sample = sampled(robot, windows, each=EACH, most_windows=len(windows))
     if sample is None:
-        raise RefusedError("No window holds all markers and the lengths of all cables: nothing can be registered.")
+        raise RefusedError(
+            "No window holds the lengths of all cables and, at some instants, all markers that are seen in more than "
+            "half of all samples: nothing can be registered."
+        )
+    robot = sample.robot
     noise = (robot.sensors.marker_noise, max(robot.sensors.encoder_resolution, robot.sensors.marker_noise))
     starts = _starts(robot, sample)
     tried = [one for free in MODELS if (one := _best(robot, sample, free, starts, noise)) is not None]
@@ -103,29 +107,23 @@ def register_campaigns(campaigns: Sequence[Campaign]) -> Registered:
     lowest = min(one.criterion for one in tried)
     ranked = sorted((replace(one, criterion=one.criterion - lowest) for one in tried), key=lambda one: one.criterion)
     suspects = tuple(_suspect(robot, sample, ranked[0], cable, noise) for cable in range(robot.n))
-    return Registered(tuple(ranked), suspects, len(sample.markers))
+    return Registered(tuple(ranked), suspects, sample)
 
 
-def registered_robot(robot: Robot, placement: Placement) -> Robot:
+def registered_robot(robot: Robot, found: Registered) -> Robot:
     """The robot file in the frame of the motion capture, with the markers where they are on the body.
 
     Recordings stay as they are; anchors, swivels and gravity are turned and shifted.
     """
+    placement = found.best.placement
     back = placement.turn.T
 
     def seen(cable: Cable) -> Cable:
         d = back @ (cable.d - placement.shift)
         return replace(cable, d=d, x=back @ cable.x, y=back @ cable.y, z=back @ cable.z)
 
-    body = placement.body
-    further = (*body[1:], *robot.markers[len(body) :])
-    return replace(
-        robot,
-        cables=tuple(seen(cable) for cable in robot.cables),
-        gravity=back @ robot.gravity,
-        marker=body[0],
-        extra_markers=tuple(further),
-    )
+    cables = tuple(seen(cable) for cable in robot.cables)
+    return replace(found.sample.with_markers(robot, placement.body), cables=cables, gravity=back @ robot.gravity)
 
 
 def _starts(robot: Robot, sample: PoseSamples) -> list[Placement]:

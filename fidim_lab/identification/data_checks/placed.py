@@ -52,10 +52,9 @@ def _markers(mechanism: Mechanism, sample: PoseSamples, noise: tuple[float, floa
         return None
     by = found.body - start.body
     worst = int(np.argmax(np.linalg.norm(by, axis=1)))
-    which = "The marker" if len(by) == 1 else f"{marker_name(worst).capitalize()}"
+    which = "The marker" if len(by) == 1 else f"{marker_name(sample.numbers[worst]).capitalize()}"
     words = f"{which} is not where the robot file has it on the body, but {millimetres(by[worst])} away"
-    further = (*found.body[1:], *robot.markers[len(by) :])
-    return Change(words, replace(robot, marker=found.body[0], extra_markers=tuple(further)))
+    return Change(words, replace(robot, marker=found.body[0], extra_markers=tuple(found.body[1:])))
 
 
 def resting(mechanism: Mechanism, sample: PoseSamples) -> Float[np.ndarray, "S M 3"]:

@@ -1,52 +1,79 @@
 """A few poses of a campaign, fitted to markers, lengths and an upright platform: whether files and recording agree."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.arrays import Positions, Rotations
-from fidim_lab.data.records import Window
+from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.identification.markers.clock_check import even_grid
 from fidim_lab.identification.motion import surface
 from fidim_lab.model.mechanism import Mechanism
 
+MOSTLY = 0.5
+"""of all samples: at an instant that shows few markers the others would be left out with them"""
+
 
 @dataclass(frozen=True, eq=False)
 class PoseSamples:
     """Markers at some instants (m), with the lengths that are held then (m)."""
 
+    robot: Robot
+    """with these markers alone"""
+    numbers: tuple[int, ...]
+    """which of the robot file's markers they are, from 0"""
     markers: Float[np.ndarray, "S M 3"]
     lengths: Float[np.ndarray, "S n"]
 
+    def with_markers(self, robot: Robot, body: Float[np.ndarray, "M 3"]) -> Robot:
+        """The robot file's robot with these markers elsewhere on the body (m), the others where they are."""
+        every = robot.markers
+        every[list(self.numbers)] = body
+        return replace(robot, marker=every[0], extra_markers=tuple(every[1:]))
+
 
 def sampled(
-    cables: int,
+    robot: Robot,
     windows: tuple[Window, ...],
     *,
     each: int = DATA_CHECKS.robot_mistakes_samples,
     most_windows: int = DATA_CHECKS.robot_mistakes_windows,
 ) -> PoseSamples | None:
-    """Markers at so many places of each of so many windows; None without lengths or markers."""
+    """Markers at so many places of each of so many windows; None without lengths or markers.
+
+    Markers that are seen in less than half of all samples are left out.
+    """
+    numbers = _seen(windows)
+    if not numbers:
+        return None
     markers, lengths = [], []
-    most = min((w.markers.shape[1] for w in windows), default=0)
     for window in windows[:: max(1, len(windows) // most_windows)]:
         if window.lengths is None or not np.isfinite(window.lengths).any(axis=0).all():
             continue
         held = np.nanmean(window.lengths, axis=0)
-        columns = even_grid(window.t).spread(window.markers[:, :most].reshape(len(window.t), -1))
+        columns = even_grid(window.t).spread(window.markers[:, numbers].reshape(len(window.t), -1))
         rows = np.flatnonzero(np.isfinite(columns).all(axis=1))
         if len(rows) < each:
             continue
         for row in rows[np.linspace(0, len(rows) - 1, each + 2).astype(int)[1:-1]]:
-            markers.append(columns[row].reshape(most, 3))
+            markers.append(columns[row].reshape(-1, 3))
             lengths.append(held)
-    if not markers or len(lengths[0]) != cables:
+    if not markers or len(lengths[0]) != robot.n:
         return None
-    return PoseSamples(np.array(markers), np.array(lengths))
+    marker, *further = robot.markers[numbers]
+    alone = replace(robot, marker=marker, extra_markers=tuple(further))
+    return PoseSamples(alone, tuple(numbers), np.array(markers), np.array(lengths))
+
+
+def _seen(windows: tuple[Window, ...]) -> list[int]:
+    """Numbers of the markers that are there in more than half of all samples."""
+    most = min((w.markers.shape[1] for w in windows), default=0)
+    seen = [np.isfinite(w.markers[:, :most]).all(axis=2) for w in windows]
+    return np.flatnonzero(np.concatenate(seen).mean(axis=0) > MOSTLY).tolist() if most else []
 
 
 def fit_poses(

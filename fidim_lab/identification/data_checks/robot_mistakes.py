@@ -47,9 +47,10 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
 
     A misfit so large that nothing can be made of the recording, and that no change cures, is a mistake as well.
     """
-    sample = sampled(robot.n, windows)
+    sample = sampled(robot, windows)
     if sample is None:
         return ()
+    robot = sample.robot
     unchanged = Mechanism(robot)
     before = misfit(unchanged, sample.lengths, sample.markers)
     if before >= least:

@@ -18,10 +18,18 @@ def moved(campaign, turn: np.ndarray, shift: np.ndarray):
     return replace(campaign, windows=windows)
 
 
-@pytest.mark.parametrize("cluster", [False, True])
-def test_a_turned_and_shifted_frame_comes_back(recorded, cluster: bool):
+def covered(campaign):
+    """Its main marker is never seen."""
+    windows = tuple(replace(w, markers=w.markers.copy()) for w in campaign.windows)
+    for window in windows:
+        window.markers[:, 0] = np.nan
+    return replace(campaign, windows=windows)
+
+
+@pytest.mark.parametrize(("cluster", "seen"), [(False, lambda c: c), (True, lambda c: c), (True, covered)])
+def test_a_turned_and_shifted_frame_comes_back(recorded, cluster: bool, seen):
     turn, shift = Rotation.from_rotvec([0.02, -0.03, 1.0]).as_matrix(), np.array([0.5, -0.2, 0.1])
-    campaign = recorded(noise=NOISE, cluster=cluster)
+    campaign = seen(recorded(noise=NOISE, cluster=cluster))
     found = register_campaigns([moved(campaign, turn, shift)])
     assert found.free.says == "frame"
     best = found.best
@@ -29,7 +37,7 @@ def test_a_turned_and_shifted_frame_comes_back(recorded, cluster: bool):
     assert (np.abs(off) < 4 * best.sd_turn).all()
     assert (np.abs(best.placement.turn @ shift + best.placement.shift) < 4 * best.sd_shift + 1e-4).all()
     assert best.chi2_per_dof < 1.5
-    robot = registered_robot(campaign.robot, best.placement)
+    robot = registered_robot(campaign.robot, found)
     for before, after in zip(campaign.robot.cables, robot.cables, strict=True):
         np.testing.assert_allclose(turn @ before.d + shift, after.d, atol=2e-3)
         np.testing.assert_allclose(np.cross(after.x, after.y), after.z, atol=1e-12)
@@ -54,6 +62,18 @@ def test_a_marker_elsewhere_comes_back(recorded):
     found = register_campaigns([wrong])
     assert found.free.says == "markers"
     assert (np.abs(found.best.placement.body[0] - campaign.robot.marker) < 4 * found.best.sd_body[0]).all()
+
+
+def test_of_markers_one_of_which_is_never_seen_the_others_come_back(recorded):
+    campaign = recorded(noise=NOISE, cluster=True)
+    by = np.array([0.03, -0.02, 0.04])
+    wrong = covered(
+        replace(campaign, robot=replace(campaign.robot, extra_markers=tuple(campaign.robot.markers[1:] + by)))
+    )
+    found = register_campaigns([wrong])
+    assert found.sample.numbers == (1, 2, 3)
+    robot = registered_robot(wrong.robot, found)
+    np.testing.assert_allclose(robot.markers, campaign.robot.markers, atol=2e-3)
 
 
 def test_zeros_of_encoders_come_back(recorded):

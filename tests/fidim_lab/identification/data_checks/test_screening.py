@@ -309,6 +309,10 @@ def test_a_platform_that_leans_by_its_markers_contradicts_nothing(irma4, lean):
     assert find_mistakes(robot, tuple(windows)) == ()
     swapped = replace(robot, cables=robot.cables[::-1])
     assert find_mistakes(swapped, tuple(windows))
+    for window in windows:
+        window.markers[:, 0] = np.nan  # as is where one marker is covered
+    assert find_mistakes(robot, tuple(windows)) == ()
+    assert find_mistakes(swapped, tuple(windows))
 
 
 @pytest.mark.parametrize("by", [(0.0, 0.08, 0.0), (0.06, 0.0, 0.05)])
