@@ -20,6 +20,7 @@ from benchmarks.sealed.sizes import EFFECTS
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError
+from fidim_lab.model.sensitivity.work import nodes_integrated
 
 WAITING = 6.0
 """times the cap, plus a minute, by the clock on the wall: how long anything may take"""
@@ -43,11 +44,14 @@ class ChildOutcome:
     cpu: float
     """s"""
     seconds: float
+    nodes: int = 0
+    """integrated: its work, the same on every computer"""
 
     @property
     def table(self) -> dict[str, Any]:
         """For a file."""
-        return {"answer": self.answer, "why": self.why, "cpu": round(self.cpu, 2), "seconds": round(self.seconds, 2)}
+        cpu, seconds = round(self.cpu, 2), round(self.seconds, 2)
+        return {"answer": self.answer, "why": self.why, "cpu": cpu, "seconds": seconds, "nodes": self.nodes}
 
 
 def in_child(verb: ChildTask, campaign: Campaign, cap: float, without: str = "") -> ChildOutcome:
@@ -64,7 +68,7 @@ def in_child(verb: ChildTask, campaign: Campaign, cap: float, without: str = "")
         seconds = perf_counter() - begin
         if out.exists():
             said = read_json(out)
-            return ChildOutcome(said["answer"], said["why"], said["cpu"], seconds)
+            return ChildOutcome(said["answer"], said["why"], said["cpu"], seconds, said["nodes"])
         if done.returncode >= 0:
             last = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
             return ChildOutcome(None, f"failed with exit code {done.returncode}: {last}", min(cap, seconds), seconds)
@@ -92,7 +96,7 @@ def main(arguments: list[str]) -> int:
         answer = _explained(campaign, without) if ChildTask(verb) is ChildTask.EXPLAIN else _loud(campaign)
     except FidimError as error:
         why = f"{type(error).__name__}: {error}"
-    write_json(Path(out), ChildOutcome(answer, why, process_time(), NO_LIMITS).table)
+    write_json(Path(out), ChildOutcome(answer, why, process_time(), NO_LIMITS, nodes_integrated()).table)
     return 0
 
 

@@ -134,7 +134,8 @@ def _explain_all(folder: BenchmarkFolder, names: list[str], explainer: Action, s
     outcomes = spread(explainer, (read_campaign(folder.campaign(name)) for name in left))
     for done, (name, outcome) in enumerate(zip(left, outcomes, strict=True), start=1):
         write_json(folder.answer(name), outcome.table)
-        console.err.print(f"explained {done}/{len(left)}: {name} in {outcome.cpu:.0f} s {outcome.why}", markup=False)
+        took = f"{outcome.cpu:.0f} s, {1e-6 * outcome.nodes:.2f} million nodes"
+        console.err.print(f"explained {done}/{len(left)}: {name} in {took} {outcome.why}", markup=False)
 
 
 def measure(task: SealTask, cap: float) -> str:
