@@ -12,6 +12,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import FORMAT as CAMPAIGN_FORMAT
 from fidim_lab.data.campaign import INDEX, ROBOT, CampaignTable, WindowTable
 from fidim_lab.data.files.input_file import read_text
+from fidim_lab.data.period_table import PeriodTable
 from fidim_lab.data.plan_file import FORMAT as PLAN_FORMAT
 from fidim_lab.data.plan_file import AccuracyTable, PlannedWindowTable, PlanTable, PoseTable
 from fidim_lab.data.records import PlannedWindow, Robot
@@ -35,6 +36,7 @@ WINDOWS = (2, 1)
 """to identify from, and held out: enough to see the form"""
 RATE, SECONDS = 100.0, 10.0
 """Hz and s of the example window"""
+TIMED = "One table for each time by a stopwatch or a light gate, in place of windows; fidim import periods writes them."
 SEED = 1
 
 
@@ -232,7 +234,11 @@ Replace windows/i01.csv (the platform at rest, to show the form) by your windows
     index = document(
         "campaign",
         opening,
-        [Section("", CampaignTable, top), Section("[[window]]", WindowTable, window, says)],
+        [
+            Section("", CampaignTable, top),
+            Section("[[window]]", WindowTable, window, says),
+            Section("[[period]]", PeriodTable, says=TIMED, commented=True),
+        ],
     )
     (folder / "windows").mkdir(parents=True, exist_ok=True)
     (folder / ROBOT).write_text(read_text(robot_file), encoding="utf-8")
