@@ -64,13 +64,19 @@ def test_campaigns_pool_an_anchor_and_keep_their_zeros(with_zeros):
     assert (np.abs(np.array(together.by) - OFF) < 4 * np.array(together.sd)).all()
 
 
-def test_windows_without_the_main_marker_are_passed_over(with_zeros):
+def test_a_window_needs_one_marker_whichever_it_is(with_zeros):
     campaign = with_zeros(OFF, 1)
     first, *others = campaign.windows
-    blind = replace(first, markers=np.where(np.arange(first.markers.shape[1])[:, None] == 0, np.nan, first.markers))
-    found, without = (anchors_by_encoders([replace(campaign, windows=(*kept, *others))]) for kept in ((blind,), ()))
-    assert found == without
-    assert np.isfinite([one.log_odds for one in found]).all()
+    markers = np.arange(first.markers.shape[1])[:, None]
+    covered = replace(first, markers=np.where(markers == 0, np.nan, first.markers))
+    blind = replace(first, markers=np.full_like(first.markers, np.nan))
+    whole, one_less, none, without = (
+        anchors_by_encoders([replace(campaign, windows=(*kept, *others))])
+        for kept in ((first,), (covered,), (blind,), ())
+    )
+    assert none == without
+    assert [one.windows for one in one_less] == [one.windows for one in whole]
+    assert one_less[1].by == pytest.approx(whole[1].by, abs=1e-3)
 
 
 def test_few_windows_or_none_that_were_read_say_nothing(with_zeros, recorded):
