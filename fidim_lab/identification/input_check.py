@@ -34,6 +34,7 @@ def check(campaign: Campaign) -> tuple[str, ...]:
         if not _moves(w, campaign.robot)
     ]
     notes += _one_equilibrium(fitted, campaign.robot.markers)
+    notes += _covered(fitted)
     return tuple(notes)
 
 
@@ -87,6 +88,14 @@ def _refuse_stillness(campaign: Campaign, fitted: Sequence[Window]) -> None:
         f"{campaign.robot.sensors.marker_noise * 1e3:.2g} mm; a platform at rest does not show its inertia.",
         hint="Let the platform go from a displacement of some centimetres.",
     )
+
+
+def _covered(fitted: Sequence[Window]) -> list[str]:
+    """Markers that no window shows, where others are seen."""
+    most = min((w.markers.shape[1] for w in fitted), default=0)
+    seen = [any(np.isfinite(w.markers[:, m]).any() for w in fitted) for m in range(most)]
+    unseen = [m + 1 for m in range(most) if any(seen) and not seen[m]]
+    return [f"Marker {m} is seen in none of {len(fitted)} windows; the others show the motion." for m in unseen]
 
 
 def _one_equilibrium(fitted: Sequence[Window], on_body: np.ndarray) -> list[str]:

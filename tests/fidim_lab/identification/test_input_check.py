@@ -1,5 +1,7 @@
 """A place that is always the same, a wrong unit: seen without any fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -35,3 +37,16 @@ def test_wrong_units_and_stillness_are_refused_only_where_nothing_else_is_left(i
         check(campaign(irma4, window("i01", amplitude=0.0), window("i02", place=0.1, amplitude=0.0)))
     (note,) = check(campaign(irma4, window("i01", amplitude=0.0), window("i02", place=0.1)))
     assert "Window i01: the markers do not move beyond their noise" in note
+
+
+def test_a_marker_that_is_never_seen_is_said(irma4: Robot) -> None:
+    """Others that are seen somewhere, or a phone's windows without any, are not."""
+    two = replace(irma4, extra_markers=(np.array([0.1, 0.0, 0.0]),))
+    windows = [
+        replace(one, markers=np.concatenate([one.markers + by, one.markers], axis=1))
+        for one, by in ((window("w1"), np.nan), (window("w02", place=0.2), np.nan))
+    ]
+    said = [note for note in check(campaign(two, *windows)) if "is seen in none" in note]
+    assert said == ["Marker 1 is seen in none of 2 windows; the others show the motion."]
+    windows[0] = replace(windows[0], markers=np.repeat(windows[0].markers[:, 1:], 2, axis=1))
+    assert not [note for note in check(campaign(two, *windows)) if "is seen in none" in note]
