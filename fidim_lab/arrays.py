@@ -1,4 +1,4 @@
-"""Names for array shapes: N samples, n cables, λ = 6 − n freedoms; `runs` of a mask, means of what is seen.
+"""Names for array shapes: N samples, n cables, λ = 6 − n freedoms; `runs` of a mask, means of what is seen, `skew`.
 
 jaxtyping annotations; they are checked at run time only under pytest.
 """
@@ -40,3 +40,12 @@ def motion_rms(values: Float[np.ndarray, "..."]) -> float:
     away = values - mean_of_seen(values)
     seen = np.isfinite(away)
     return float(np.sqrt(np.mean(away[seen] ** 2))) if seen.any() else np.nan
+
+
+def skew(vectors: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3 3"]:
+    """[x]× of each."""
+    matrices = np.zeros((*vectors.shape, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    matrices[..., 0, 1], matrices[..., 0, 2], matrices[..., 1, 2] = -z, y, -x
+    matrices[..., 1, 0], matrices[..., 2, 0], matrices[..., 2, 1] = z, -y, x
+    return matrices

@@ -77,6 +77,11 @@ def stated(robot: Robot) -> tuple[Nuisance, ...]:
     return () if robot.survey is None else nuisances(robot, robot.survey)
 
 
+def stated_or_usual(robot: Robot) -> tuple[Nuisance, ...]:
+    """What the robot file's own survey leaves open; what a usual one does where it has none."""
+    return usual(robot) if robot.survey is None else stated(robot)
+
+
 def as_found(mechanism: Mechanism, pieces: Mapping[tuple[str, int | None], Sequence[float]]) -> Mechanism:
     """The mechanism with the geometry that a fit has found, behind its effects; itself where that is the file's.
 

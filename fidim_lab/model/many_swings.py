@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.arrays import skew
 from fidim_lab.data.records import Robot
 from fidim_lab.model.batch import over_samples
 from fidim_lab.model.mechanism import Mechanism
@@ -49,8 +50,8 @@ class ManyRests:
         one = rest.pose.position, rest.pose.rotation, rest.tensions
         return ManyRests(*(np.tile(value, (many, *(1,) * value.ndim)) for value in one))
 
-    def of(self, rows: np.ndarray) -> "ManyRests":
-        """Some of them, by numbers or mask."""
+    def of(self, rows: np.ndarray | slice) -> "ManyRests":
+        """Some of them."""
         return ManyRests(self.positions[rows], self.rotations[rows], self.tensions[rows])
 
     def put(self, rows: np.ndarray, other: "ManyRests") -> None:
@@ -84,8 +85,9 @@ class ManySwings:
 
     def of(self, rows: slice) -> "ManySwings":
         """Some of the bodies."""
-        rests = ManyRests(self.rests.positions[rows], self.rests.rotations[rows], self.rests.tensions[rows])
-        return ManySwings(rests, self.hangs[rows], self.squares[rows], self.shapes[rows], self.shares[rows])
+        return ManySwings(
+            self.rests.of(rows), self.hangs[rows], self.squares[rows], self.shapes[rows], self.shares[rows]
+        )
 
     @property
     def log_periods(self) -> Float[np.ndarray, "B free"]:
@@ -172,15 +174,9 @@ def _solved(stiffness: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.nda
     return squares, root.transpose(0, 2, 1) @ vectors
 
 
-def _cross(vectors: Float[np.ndarray, "B 3"]) -> Float[np.ndarray, "B 3 3"]:
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-
-
 def _turns(small: Float[np.ndarray, "B 3"]) -> Float[np.ndarray, "B 3 3"]:
     """Rotations R(δθ/2) as `statics.balance` means its steps."""
-    cross = _cross(small / 2)
+    cross = skew(small / 2)
     return np.eye(3) + (2 / (1 + np.sum(small**2, axis=1) / 4))[:, np.newaxis, np.newaxis] * (cross + cross @ cross)
 
 
@@ -191,7 +187,7 @@ def _inertia(bodies: Float[np.ndarray, "B 9"]) -> Float[np.ndarray, "B 3 3"]:
 
 def _masses(bodies: np.ndarray, rotations: np.ndarray) -> np.ndarray:
     """M/m of Eq. 9, world frame."""
-    cross = _cross((rotations @ bodies[:, :3, np.newaxis])[:, :, 0])
+    cross = skew((rotations @ bodies[:, :3, np.newaxis])[:, :, 0])
     turned = rotations @ _inertia(bodies) @ rotations.transpose(0, 2, 1)
     return np.block([[np.tile(np.eye(3), (len(bodies), 1, 1)), -cross], [cross, turned]])
 
@@ -203,8 +199,8 @@ def _shares(robot: Robot, bodies: np.ndarray, rotations: np.ndarray, shapes: np.
     line = line - up * (line @ up)
     along = line / np.linalg.norm(line)
     arms = (rotations @ bodies[:, :3, np.newaxis])[:, :, 0]
-    velocities = shapes[:, :3] - _cross(arms) @ shapes[:, 3:]
-    about_com = _inertia(bodies) - _cross(bodies[:, :3]).transpose(0, 2, 1) @ _cross(bodies[:, :3])
+    velocities = shapes[:, :3] - skew(arms) @ shapes[:, 3:]
+    about_com = _inertia(bodies) - skew(bodies[:, :3]).transpose(0, 2, 1) @ skew(bodies[:, :3])
     inertia = rotations @ about_com @ rotations.transpose(0, 2, 1)
     momenta = inertia @ shapes[:, 3:]
     yaw = (up @ shapes[:, 3:]) * (up @ momenta)

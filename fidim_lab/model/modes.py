@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import eigh
 
-from fidim_lab.arrays import Series
+from fidim_lab.arrays import Series, skew
 from fidim_lab.data.records import Body
 from fidim_lab.errors import SetupError
 from fidim_lab.model.mechanism import Mechanism
@@ -85,8 +85,7 @@ def swing_rates(
 
 def mass_matrix(body: Body, rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "6 6"]:
     """M/m of Eq. 9 at a rotation, world frame."""
-    x, y, z = rotation @ body.com
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = skew(rotation @ body.com)
     return np.block([[np.eye(3), -cross], [cross, rotation @ body.inertia_matrix @ rotation.T]])
 
 

@@ -6,7 +6,7 @@ Columns [1, s_x, s_y, s_z, I_xx, I_yy, I_zz, I_xy, I_xz, I_yz], so that W χ′ 
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.arrays import Vector3
+from fidim_lab.arrays import Vector3, skew
 from fidim_lab.data.records import Body, Motion
 
 
@@ -14,11 +14,11 @@ def platform_regressor(motion: Motion, gravity: Vector3) -> Float[np.ndarray, "N
     """W_EE (Eq. 19) per unit mass: rows are force (N/kg) and torque about P (N m/kg) in the world frame."""
     spins, spin_rates = motion.twists[:, 3:], motion.accelerations[:, 3:]
     felt = motion.accelerations[:, :3] - gravity
-    across = _skew(spins)
+    across = skew(spins)
     regressor = np.zeros((len(motion.t), 6, 10))
     regressor[:, :3, 0] = felt
-    regressor[:, :3, 1:4] = (_skew(spin_rates) + across @ across) @ motion.rotations
-    regressor[:, 3:, 1:4] = -_skew(felt) @ motion.rotations
+    regressor[:, :3, 1:4] = (skew(spin_rates) + across @ across) @ motion.rotations
+    regressor[:, 3:, 1:4] = -skew(felt) @ motion.rotations
     inverse = motion.rotations.transpose(0, 2, 1)
     body_spins = (inverse @ spins[..., np.newaxis])[..., 0]
     body_rates = (inverse @ spin_rates[..., np.newaxis])[..., 0]
@@ -38,14 +38,6 @@ def free_regressor(
 def parameter_vector(body: Body) -> Float[np.ndarray, "10"]:
     """χ′ = [1, s′, I′] (Eq. 22)."""
     return np.concatenate([[1.0], body.vector])
-
-
-def _skew(vectors: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3 3"]:
-    matrices = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
-    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1] = z, -y, x
-    return matrices
 
 
 def _inertia_columns(vectors: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3 6"]:

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.arrays import CableSeries, Matrix3, PerCable, Positions, Rotations, Vector3
+from fidim_lab.arrays import CableSeries, Matrix3, PerCable, Positions, Rotations, Vector3, skew
 from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.model.mechanism import Mechanism
 
@@ -245,11 +245,11 @@ class _LengthProblem:
         twists = np.zeros((len(placed), 6, 12))
         twists[:, :3, :3] = np.eye(3)
         turn = _left_jacobian(parameters[3:6])
-        twists[:, :3, 3:6] = -_skew(placed_positions - world.translation) @ turn
+        twists[:, :3, 3:6] = -skew(placed_positions - world.translation) @ turn
         twists[:, 3:, 3:6] = turn
         twists[:, :3, 6:9] = -placed
         turn = placed @ _left_jacobian(parameters[9:12])
-        twists[:, :3, 9:] = -placed @ _skew(body.translation[None]) @ _left_jacobian(parameters[9:12])
+        twists[:, :3, 9:] = -placed @ skew(body.translation[None]) @ _left_jacobian(parameters[9:12])
         twists[:, 3:, 9:] = -turn
         columns = self.mechanism.structure_matrix(placed_positions, placed) @ twists
         return np.stack([self._remaining(column).ravel() for column in np.moveaxis(columns, 2, 0)], axis=1)
@@ -299,15 +299,10 @@ def _same(one: Registration, other: Registration) -> bool:
 def _left_jacobian(turn: Vector3) -> Matrix3:
     """J with exp(w + dw) = exp(J dw) exp(w) for a rotation vector w (Chirikjian, Stochastic Models 2, §10.8.5)."""
     angle = float(np.linalg.norm(turn))
-    cross = _skew(turn[None])[0]
+    cross = skew(turn[None])[0]
     if angle < 1e-6:
         return np.eye(3) + 0.5 * cross
     return np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * cross + (angle - np.sin(angle)) / angle**3 * cross @ cross
-
-
-def _skew(vectors: Positions) -> Rotations:
-    """[v]× of (N, 3) vectors."""
-    return -np.cross(vectors[:, None, :], np.eye(3)[None])
 
 
 def _spread(count: int, wanted: int) -> np.ndarray:

@@ -24,7 +24,7 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.undetermined import tried_out
 from fidim_lab.identification.results.result import IdentificationResult, WindowVerdict
-from fidim_lab.identification.survey import prior_sd, stated, usual
+from fidim_lab.identification.survey import prior_sd, stated_or_usual
 from fidim_lab.model.mechanism import Mechanism
 
 VARIANT = "angular rates"
@@ -51,7 +51,7 @@ def identify_by_rates(campaign: Campaign, *, native: bool = False, predict: bool
     """
     begin = perf_counter()
     robot = campaign.robot
-    opened = usual(robot) if robot.survey is None else stated(robot)
+    opened = stated_or_usual(robot)
     own = (GyroscopeMount(), AirDragLinear(), RotationalDrag())
     start = [0.0] * (len(GyroscopeMount.SD) + len(DRAG))
     mechanism = with_geometry(Mechanism(robot, own, start, native=native), opened)

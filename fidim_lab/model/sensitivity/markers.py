@@ -17,7 +17,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import expm
 from scipy.sparse import csr_array
 
-from fidim_lab.arrays import Series
+from fidim_lab.arrays import Series, skew
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.sensitivity.variation import Variations
@@ -53,7 +53,7 @@ def varied_at_nodes(
     """Derivatives of `at_nodes` by the P columns of the variations, at these nodes."""
     held = _arms(trajectories, markers)[:, nodes]
     arms, spin, spin_rate = (
-        _skew(x)
+        skew(x)
         for x in (
             held,
             trajectories.twists[:, nodes, np.newaxis, 3:],
@@ -63,7 +63,7 @@ def varied_at_nodes(
     one = np.broadcast_to(np.eye(3), arms.shape)
     # δ(R m) = δθ × R m with δθ = R δφ
     turned = -arms @ trajectories.rotations[:, nodes, np.newaxis]
-    swept = _skew((spin @ held[..., np.newaxis])[..., 0])
+    swept = skew((spin @ held[..., np.newaxis])[..., 0])
     none = np.zeros_like(one)
     by_pose = np.stack(
         [
@@ -126,13 +126,6 @@ def _ends_weights(s: Series, h: Series) -> Float[np.ndarray, "T 3"]:
 
 def _arms(trajectories: Trajectories, markers: np.ndarray) -> Float[np.ndarray, "W N M 3"]:
     return np.einsum("wnij,mj->wnmi", trajectories.rotations, markers)
-
-
-def _skew(vectors: np.ndarray) -> np.ndarray:
-    matrices = np.zeros((*vectors.shape, 3))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    matrices[..., 0, 1], matrices[..., 0, 2], matrices[..., 1, 2] = -z, y, -x
-    return matrices - np.swapaxes(matrices, -1, -2)
 
 
 def swung(

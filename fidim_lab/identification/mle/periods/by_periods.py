@@ -31,7 +31,7 @@ from fidim_lab.identification.results.result import (
     ResultOutcome,
     WindowVerdict,
 )
-from fidim_lab.identification.survey import prior_sd, stated, usual
+from fidim_lab.identification.survey import prior_sd, stated_or_usual
 from fidim_lab.model.mechanism import Mechanism
 
 VARIANT, NO_SIGMA = "period", "a period shows no pose, without which there are no equations of motion"
@@ -76,7 +76,7 @@ def identify_by_periods(campaign: Campaign) -> IdentificationResult:
     """
     begin = perf_counter()
     robot = campaign.robot
-    opened = usual(robot) if robot.survey is None else stated(robot)
+    opened = stated_or_usual(robot)
     body = nearest_possible(robot.nominal)
     model = PeriodModel.of(with_geometry(Mechanism(robot), opened), body, campaign.periods)
     refused = model.far_off()

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fidim_lab.arrays import skew
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.identification.mle.starts.by_rates import Begin, begins_by_rates
@@ -23,7 +24,6 @@ from fidim_lab.identification.mle.starts.start_poses import (
     poses_from_rests,
     refined,
     rest_near,
-    skew,
 )
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.identification.motion import rigid

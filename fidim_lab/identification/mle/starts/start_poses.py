@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from fidim_lab.arrays import skew
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
@@ -122,11 +123,6 @@ def at_rest(mechanism: Mechanism, shared: np.ndarray, at: Poses, begins: np.ndar
     states = tied(mechanism, shared, States(at.positions, at.rotations, still), begins)
     states = replace(states, twists=still)
     return states, linearised_starts(mechanism, shared, states, begins)
-
-
-def skew(vectors: Float[np.ndarray, "K M 3"]) -> Float[np.ndarray, "K M 3 3"]:
-    """[x]× of each."""
-    return np.swapaxes(np.cross(vectors[..., np.newaxis, :], np.eye(3)), -1, -2)
 
 
 def _arms(targets: Targets, at: Poses) -> Float[np.ndarray, "K M 3"]:
