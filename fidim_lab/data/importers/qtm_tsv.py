@@ -1,7 +1,7 @@
 """Qualisys Track Manager's TSV: header lines of a name and its value, then rows of markers (3D) or bodies (6D).
 
     NO_OF_FRAMES  500     FREQUENCY  100     DATA_INCLUDED  3D     MARKER_NAMES  A  B  C
-    [Frame  Time]  A X  A Y  A Z …          the line of column names, and Frame and Time, may be left out
+    [Frame  Time]  A X  A Y  A Z …          the line of column names, and Frame or Time or both, may be left out
 
     DATA_INCLUDED  6D     BODY_NAMES  platform
     [Frame  Time]  X  Y  Z  Roll  Pitch  Yaw  Residual  Rot[0] … Rot[8]      for each body; Rot column by column
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import MISSING, NO_HEADER, decimal_of, read_export, table
+from fidim_lab.data.importers.reading.cells import MISSING, NO_HEADER, decimal_of, is_number, read_export, table
 from fidim_lab.data.importers.reading.clock import clocked, header_rate
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.poses import by_matrices
@@ -44,15 +44,17 @@ def read_qtm(path: Path) -> MarkerLog:
     if not names or (what == "6D" and len(set(names)) < len(names)):
         raise FileError(path, NAMES[what], "no name, or one body's name twice")
     decimal = decimal_of(text[first : first + 50], "\t")
-    filled = max((len(row) for row in lines[first : first + 1]), default=0)
     width = WIDTH[what] * len(names)
-    lead = 2 if filled >= width + 2 and _counts(lines[first:]) else 0
-    ends = range(lead, lead + width + 1, WIDTH[what])
-    values = table(path, lines[first:], first + 1, lead + width, lead=lead, decimal=decimal, ends=ends)
-    parts = values[:, lead:].reshape(len(values), len(names), WIDTH[what])
+    lead = _lead(path, lines[first : first + 10], first, width, decimal)
+    count, time = (next((k for k, kind in enumerate(lead) if kind == one), None) for one in ("frame", "time"))
+    known = [k in (count, time) for k in range(len(lead))]
+    rows = [[cell if k >= len(lead) or known[k] else "" for k, cell in enumerate(row)] for row in lines[first:]]
+    ends = range(len(lead), len(lead) + width + 1, WIDTH[what])
+    values = table(path, rows, first + 1, len(lead) + width, lead=len(lead), decimal=decimal, ends=ends)
+    parts = values[:, len(lead) :].reshape(len(values), len(names), WIDTH[what])
     positions = SCALE * parts[:, :, :3]
-    frames = values[:, 0] if lead else np.arange(len(values), dtype=float)
-    stamps = values[:, 1] if lead else np.full(len(values), np.nan)
+    frames = np.arange(len(values), dtype=float) if count is None else values[:, count]
+    stamps = np.full(len(values), np.nan) if time is None else values[:, time]
     t, rate, doubt = clocked(path, header_rate(path, 1, head["FREQUENCY"][0]), frames, stamps)
     said = (f"lengths in mm and z upwards, as QTM exports them by default; {rate:g} Hz as the header says",)
     if what == "3D":
@@ -87,7 +89,21 @@ def _of_numbers(cells: Sequence[str]) -> bool:
     return len(cells) > 2 and bool(seen) and not any(cell[0].isalpha() for cell in seen)
 
 
-def _counts(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether the first column counts frames."""
-    firsts = [row[0].strip() for row in rows[:10]]
-    return all(cell.isascii() and cell.isdigit() for cell in firsts)
+def _lead(path: Path, rows: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> list[str]:
+    """What each column before the data has: "frame", "time", or "" for what is no number, such as a time code.
+
+    rows: the first of them; whole numbers count frames. Raises FileError where names and columns do not go together.
+    """
+    while rows and len(rows[0]) > width and not any(row[-1].strip() for row in rows if row):  # rows that end with a tab
+        rows = [row[:-1] for row in rows]
+    columns = [[row[k].strip() for row in rows if k < len(row)] for k in range(len(rows[0]) - width if rows else 0)]
+    numbers = [all(is_number(cell, decimal) for cell in column) for column in columns]
+    kinds = [_counts(column) or ("time" if known else "") for column, known in zip(columns, numbers, strict=True)]
+    if any(kinds.count(kind) > 1 for kind in ("frame", "time")):
+        what = f"{len(rows[0])} columns; the header's names make {width}, with one of frames and one of times before."
+        raise FileError(path, f"line {first + 1}", what, hint="Name every trajectory or body in QTM, and export again.")
+    return kinds
+
+
+def _counts(column: Sequence[str]) -> str:
+    return "frame" if all(cell.isascii() and cell.isdigit() for cell in column) else ""

@@ -221,7 +221,9 @@ def table(
                 found.append([math.nan] * width)
             continue
         whole = len(cells) >= width or filled <= lead or (filled in ends if ends else (filled - lead) % 3 == 0)
-        if filled > width or not whole:
+        if filled > width:
+            raise FileError(path, f"line {line}", f"{filled} columns, the header has {width}: it does not name all")
+        if not whole:
             raise FileError(path, f"line {line}", f"{filled} columns, the header has {width}; is the file truncated?")
         row = [number(path, line, k, cell, decimal=decimal) for k, cell in enumerate(cells[:filled], start=1)]
         found.append(row + [math.nan] * (width - filled))

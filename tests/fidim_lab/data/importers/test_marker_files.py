@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,13 +35,24 @@ def motive(version: str, *, parents: bool) -> str:
     return "\n".join(head + rows)
 
 
-def qtm(*, columns: bool) -> str:
+def qtm(*lead: Callable[[int], str], names: str = "", end: str = "") -> str:
+    """lead: cells of the columns before the data, whose names stand in a line of their own."""
     head = ["NO_OF_FRAMES\t30", "NO_OF_CAMERAS\t8", "FREQUENCY\t100", "DATA_INCLUDED\t3D", "MARKER_NAMES\tp:1\tp:2"]
-    head += ["Frame\tTime\t" + "\t".join(f"{m} {a}" for m in ("p:1", "p:2") for a in "XYZ")] if columns else []
-    lead = [f"{k + 1}\t{k / 100}\t" if columns else "" for k in range(30)]
-    return "\r\n".join(
-        head + [first + "\t".join(f"{v:g}" for v in row.ravel()) for first, row in zip(lead, PLACES, strict=True)]
-    )
+    head += [f"{names}\t" + "\t".join(f"{m} {a}" for m in ("p:1", "p:2") for a in "XYZ")] if names else []
+    rows = [[*(cell(k) for cell in lead), *(f"{v:g}" for v in row.ravel())] for k, row in enumerate(PLACES)]
+    return "\r\n".join(head + ["\t".join(row) + end for row in rows])
+
+
+def frame(k: int) -> str:
+    return str(k + 1)
+
+
+def second(k: int) -> str:
+    return f"{k / 100:.5f}"
+
+
+def time_code(k: int) -> str:
+    return f"10:11:{k // 25:02d}:{k % 25:02d}"
 
 
 def trc() -> str:
@@ -59,8 +71,12 @@ def trc() -> str:
 FILES = {
     "motive-csv 1.1": motive("1.1", parents=False),
     "motive-csv 1.25": motive("1.25", parents=True),
-    "qtm-tsv plain": qtm(columns=False),
-    "qtm-tsv columns": qtm(columns=True),
+    "qtm-tsv plain": qtm(),
+    "qtm-tsv columns": qtm(frame, second, names="Frame\tTime"),
+    "qtm-tsv frames alone": qtm(frame),
+    "qtm-tsv times alone": qtm(second, names="Time"),
+    "qtm-tsv time codes": qtm(frame, second, time_code, names="Frame\tTime\tSMPTE"),
+    "qtm-tsv rows end with a tab": qtm(frame, end="\t"),
     "trc": trc(),
 }
 
@@ -86,7 +102,14 @@ def test_every_dialect_gives_the_same_motion(name: str, tmp_path: Path):
 def test_a_row_that_was_cut_off_is_named(name: str, tmp_path: Path):
     separator = "," if name.startswith("motive") else "\t"
     with pytest.raises(FileError, match="truncated"):
-        MARKER_READERS[name.split()[0]](written(tmp_path, FILES[name].rpartition(separator)[0]))
+        MARKER_READERS[name.split()[0]](written(tmp_path, FILES[name].rstrip(separator).rpartition(separator)[0]))
+
+
+def test_columns_that_no_name_accounts_for_are_told(tmp_path: Path):
+    """A trajectory without a label has columns, but no name in the header: the file is whole all the same."""
+    with pytest.raises(FileError, match="line 6: 8 columns; the header's names make 3") as told:
+        MARKER_READERS["qtm-tsv"](written(tmp_path, qtm(frame, second).replace("\tp:2", "")))
+    assert "Name every trajectory" in str(told.value)
 
 
 @pytest.mark.parametrize("kind", MARKER_READERS)
