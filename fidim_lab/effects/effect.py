@@ -61,12 +61,10 @@ class NamedEffect(Effect):
 
         For what has no score of its own and is too much to scan: it is looked for where the simple form has led.
         """
-        del values, robot
         return ()
 
     def narrower(self, values: np.ndarray) -> "tuple[NamedEffect, np.ndarray] | None":
         """The simple form that this is a wider form of, where others beside it may have made its freedom needless."""
-        del values
         return None
 
     def parts(self, values: np.ndarray, sd: np.ndarray) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
@@ -74,12 +72,10 @@ class NamedEffect(Effect):
 
         sd: of the values; NaN where one is held at a bound.
         """
-        del values, sd
         return ()
 
     def other_forms(self, values: np.ndarray, context: Context) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
         """Forms of this effect that are as free, with θ at which they do nearly what this does with these values."""
-        del values, context
         return ()
 
     @property
@@ -116,7 +112,6 @@ class NamedEffect(Effect):
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """Largest possible size of some parameters for this robot and motion; the others have hard bounds alone."""
-        del context
         return {}
 
     def bounds(self, context: Context | None = None) -> tuple[np.ndarray, np.ndarray]:

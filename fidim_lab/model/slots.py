@@ -126,75 +126,60 @@ class Effect:
 
     def geometry(self, number: int, cable: CableConstants, theta: ca.SX) -> CableConstants:
         """The constants of cable `number` (1-based), changed."""
-        del number, theta
         return cable
 
     def cable_length(self, number: int, theta: ca.SX) -> ca.SX:
         """What the encoder of cable `number` (1-based) reads beyond the true length, m; constant."""
-        del number, theta
         return ca.SX(0)
 
     def length_drift(self, number: int, time: ca.SX, theta: ca.SX) -> ca.SX:
         """How much longer cable `number` is than at time 0, unseen by its encoder, m; 0 at time 0."""
-        del number, time, theta
         return ca.SX(0)
 
     def compliance(self, number: int, cable: CableExpressions, theta: ca.SX) -> ca.SX:
         """Stretch of cable `number` for each newton of its tension, m/N; may depend on the pose."""
-        del number, cable, theta
         return ca.SX(0)
 
     def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """N s/m against the rate of that stretch; felt only where cables are springs (`elastic`)."""
-        del number, theta
         return ca.SX(0)
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """A further wrench [force; torque about P] on the platform (6), N and N m, world frame."""
-        del state, theta
         return ca.SX.zeros(6)
 
     def tension_wrench(self, number: int, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Wrench (6) on the platform for each newton of cable `number`'s tension, 1 and m, world frame."""
-        del number, state, theta
         return ca.SX(6, 1)
 
     def kinetic_energy(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Kinetic energy of what moves with the platform and the cables, J: quadratic in the twist."""
-        del state, theta
         return ca.SX(0)
 
     def extra_start(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Its extra states at the start of a window (`state.time` is then 0)."""
-        del state, theta
         return ca.SX.zeros(len(self.extra_states))
 
     def extra_rates(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Time derivatives of its extra states, 1/s."""
-        del state, theta
         return ca.SX.zeros(len(self.extra_states))
 
     def marker(self, number: int, place: ca.SX, theta: ca.SX) -> ca.SX:
         """Where marker `number` (1-based, the main one first) really is in the body frame (3), m."""
-        del number, theta
         return place
 
     def stalk(self, number: int, theta: ca.SX) -> Stalk | None:
         """What marker `number` (1-based) stands on, where that gives way."""
-        del number, theta
         return None
 
     def seen(self, point: ca.SX, state: PlatformState, theta: ca.SX) -> ca.SX:
         """What the cameras report for a point of the world (3), m, in a state."""
-        del state, theta
         return point
 
     def true_time(self, stamp: ca.SX, theta: ca.SX) -> ca.SX:
         """When a frame with this stamp (s since the start of the window) was really taken, s."""
-        del theta
         return stamp
 
     def rate_read(self, rate: ca.SX, theta: ca.SX) -> ca.SX:
         """What a gyroscope on the platform reads for an angular rate (3), rad/s, both in the body's axes."""
-        del theta
         return rate

@@ -98,7 +98,6 @@ def _body_force(moment: Moment, effect: HiddenEffect) -> Load:
 
 
 def _constant_force(moment: Moment, effect: HiddenEffect) -> Load:
-    del moment
     return _at_centre(effect.vector("fx", "fy", "fz"))
 
 

@@ -228,7 +228,6 @@ class _Progress:
 
     def reached(self, done: int, wanted: int | None = None) -> None:
         """So many windows are done."""
-        del wanted
         self._bar.update(self._task, completed=done)
 
 

@@ -42,7 +42,6 @@ class _Spring(NamedEffect):
 
     def lever(self, cable: CableExpressions) -> ca.SX:
         """What of a cable's tension stretches it by θ for each newton: for every cable alike."""
-        del cable
         return ca.SX(1)
 
     def compliance(self, number: int, cable: CableExpressions, theta: ca.SX) -> ca.SX:

@@ -46,7 +46,6 @@ class CableTorsion(NamedEffect):
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """A rod stiffer than any cable, wound up by hand."""
-        del context
         why = "a cable that a drum winds up twists more easily than a steel rod of 6 mm"
         return {"k": Limit(STIFFEST, why), "p": Limit(STIFFEST * TURNS, why)}
 
@@ -70,7 +69,6 @@ class HoseTorsion(NamedEffect):
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """That rod again."""
-        del context
         why = "a hose twists more easily than a steel rod of 6 mm"
         return {"k": Limit(STIFFEST_HOSE, why), "p": Limit(STIFFEST_HOSE * TURNS, why)}
 
@@ -110,5 +108,4 @@ class LayTorque(NamedEffect):
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """That of a thick rope of one layer."""
-        del context
         return {"c": Limit(LARGEST, "no rope of a cable robot unlays with more")}

@@ -46,7 +46,6 @@ class AttachmentFriction(NamedEffect):
 
     def wider(self, values: np.ndarray, robot: Robot) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
         """At all attachments alike: by the cables' tension, giving way before it slips, and more of it about z."""
-        del robot
         giving = AttachmentFrictionGivingWay()
         dry = values[1]
         return ((giving, np.array([*values, dry, giving.absent[-1]])),) if self.cable is None and dry > 0 else ()
@@ -111,7 +110,6 @@ class AttachmentFrictionGivingWay(NamedEffect):
 
     def extra_start(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Nothing has built up."""
-        del state, theta
         return ca.SX.zeros(4)
 
     def extra_rates(self, state: PlatformState, theta: ca.SX) -> ca.SX:

@@ -39,7 +39,6 @@ class AirDragLinear(NamedEffect):
 
     def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
         """Of a lower power of the speed, as strong at 1 m/s."""
-        del robot
         return ((FlatDrag(), np.array([values[0], FlatDrag().absent[1]])),) if values[0] > 0 else ()
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
@@ -66,7 +65,6 @@ class AirDragQuadratic(NamedEffect):
 
     def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
         """Of a higher power of the speed, as strong at 1 m/s."""
-        del robot
         return ((SteepDrag(), np.array([values[0], SteepDrag().absent[1]])),) if values[0] > 0 else ()
 
     def limits(self, context: Context) -> Mapping[str, Limit]:

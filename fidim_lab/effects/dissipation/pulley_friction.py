@@ -138,7 +138,6 @@ class SwivelFrictionGivingWay(NamedEffect):
 
     def extra_start(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Nothing has built up."""
-        del state, theta
         return ca.SX.zeros(self.cables)
 
     def extra_rates(self, state: PlatformState, theta: ca.SX) -> ca.SX:

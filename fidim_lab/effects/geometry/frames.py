@@ -28,7 +28,6 @@ class FrameMisalignment(NamedEffect):
 
     def seen(self, point: ca.SX, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Turned and shifted."""
-        del state
         return rotation_from_gibbs(theta[:3] / 2) @ point + theta[3:]
 
 
@@ -69,7 +68,6 @@ class CaptureScale(NamedEffect):
 
     def seen(self, point: ca.SX, state: PlatformState, theta: ca.SX) -> ca.SX:
         """(1 + scale) p."""
-        del state
         return (1 + theta[0]) * point
 
 

@@ -98,6 +98,5 @@ class MarkerStalk(NamedEffect):
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """One that does not hang."""
-        del context
         why = f"a marker that sags by {1e3 * LARGEST_SAG:.0f} mm under its own weight is seen to hang"
         return {"k": Limit(LARGEST_SAG / GRAVITY, why)}

@@ -67,7 +67,6 @@ class LooseMass(NamedEffect):
 
     def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
         """Sliding along one of the body's axes."""
-        del robot
         return tuple((LooseMassOnAxis(), np.concatenate([values, axis])) for axis in np.eye(3)) if values[0] > 0 else ()
 
     def limits(self, context: Context) -> Mapping[str, Limit]:

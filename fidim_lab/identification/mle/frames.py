@@ -39,7 +39,6 @@ class MarkerSet(NamedEffect):
 
     def marker(self, number: int, place: ca.SX, theta: ca.SX) -> ca.SX:
         """Turned and shifted."""
-        del number
         return rotation_from_gibbs(theta[:3] / 2) @ place + theta[3:]
 
 

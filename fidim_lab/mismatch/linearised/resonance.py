@@ -23,7 +23,6 @@ class UnitTorque(Effect):
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """[0; θ]."""
-        del state
         return ca.vertcat(ca.SX.zeros(3), theta)
 
 

@@ -78,7 +78,6 @@ def evenly(reach: Reach) -> list[Family]:
             middle: np.ndarray = middle,
             half: float = half,
         ) -> ca.SX:
-            del shape
             return monomials((point.place(state) - ca.SX(ca.DM(middle))) / half, degrees)
 
         label = f"force on {point.value} by a polynomial of the place, degree {degrees[-1]}"
@@ -103,5 +102,4 @@ def in_space(reach: Reach) -> list[Family]:
 
 
 def _field(point: ForcePoint, centres: np.ndarray, width: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-    del shape
     return bells(point.place(state), ca.SX(ca.DM(centres)), ca.SX(width))

@@ -29,28 +29,23 @@ _drag = partial(drag_on, ForcePoint.CENTRE_OF_MASS)
 
 
 def _drag_by_axis(state: PlatformState, shape: ca.SX) -> ca.SX:
-    del shape
     return pushed(state, ca.diag(velocity(state)))
 
 
 def _spin_drag(state: PlatformState, shape: ca.SX) -> ca.SX:
-    del shape
     return turned(state.spin)
 
 
 def _spin_drag_by_axis(state: PlatformState, shape: ca.SX) -> ca.SX:
-    del shape
     return turned(state.rotation @ ca.diag(state.rotation.T @ state.spin))
 
 
 def _across_the_spin(state: PlatformState, shape: ca.SX) -> ca.SX:
     """−ω × h for each body axis of h: what a wheel that spins inside does to the platform that turns it."""
-    del shape
     return turned(-ca.skew(state.spin) @ state.rotation)
 
 
 def _about_body_axes(state: PlatformState, shape: ca.SX) -> ca.SX:
-    del shape
     return turned(state.rotation)
 
 
@@ -66,11 +61,9 @@ def of_speed(reach: Reach) -> list[Family]:
     """Drag by powers of the speed, alike in all directions or not, and any odd force of the velocity."""
 
     def power(exponent: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         return (_speed(state) / reach.speed) ** (exponent - 1)
 
     def cubic(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         return monomials(velocity(state) / reach.speed, (1, 2, 3))
 
     none = NO_SHAPE
@@ -90,23 +83,18 @@ def of_spin(reach: Reach) -> list[Family]:
         return _length(state.spin) / reach.spin
 
     def power(exponent: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         return rate(state) ** (exponent - 1)
 
     def grown(exponent: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         return rate(state) ** exponent
 
     def steady(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del state, shape
         return ca.SX(1)
 
     def spin(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         return state.rotation.T @ state.spin / reach.spin
 
     def tilted(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         r = state.rotation
         return monomials(ca.vertcat(r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]) / 2, (1, 2))
 
@@ -141,7 +129,6 @@ def of_teeth() -> list[Family]:
         return ca.horzcat(*columns)
 
     def steady(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del state, shape
         return ca.SX(1)
 
     shapes, steps = (
@@ -158,23 +145,19 @@ def of_cable(cable: int) -> list[Family]:
     """A torque on the swivel, on the wrap, or about the cable itself at its attachment, of rate and angle there."""
 
     def joint(which: str, state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         one = state.cables[cable - 1]
         return joint_torque(one, getattr(one, f"{which}_gradient"), ca.SX(1))
 
     def laws(which: str, state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         one = state.cables[cable - 1]
         rate = joint_rate(state, one, getattr(one, f"{which}_gradient"))
         angle = getattr(one, f"{which}_angle")
         return ca.vertcat(rate, ca.tanh(rate / 0.01), rate**3, ca.sin(angle), ca.cos(angle), ca.tanh(rate / 0.1))
 
     def about(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         return turned(state.cables[cable - 1].direction)
 
     def twisting(state: PlatformState, shape: ca.SX) -> ca.SX:
-        del shape
         rate = ca.dot(state.spin, state.cables[cable - 1].direction)
         return ca.vertcat(rate, ca.tanh(rate / 0.01), rate**3, ca.SX(1))
 

@@ -68,7 +68,6 @@ def in_time(reach: Reach) -> list[Family]:
         centres = np.arange(0.0, reach.seconds + width, width)
 
         def course(state: PlatformState, shape: ca.SX, centres: np.ndarray = centres, width: float = width) -> ca.SX:
-            del shape
             return bells(state.time, ca.SX(ca.DM(centres)), ca.SX(width))
 
         none, says = NO_SHAPE, f"changing within {width:g} s"

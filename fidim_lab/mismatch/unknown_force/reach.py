@@ -82,24 +82,20 @@ def turned(torques: ca.SX) -> ca.SX:
 
 def any_force(state: PlatformState, shape: ca.SX) -> ca.SX:
     """On the centre of mass along x, y, z (6 × 3)."""
-    del shape
     return pushed(state, ca.SX.eye(3))
 
 
 def any_torque(state: PlatformState, shape: ca.SX) -> ca.SX:
     """About x, y, z (6 × 3)."""
-    del state, shape
     return turned(ca.SX.eye(3))
 
 
 def drag_on(point: ForcePoint, state: PlatformState, shape: ca.SX) -> ca.SX:
     """A force on a point along its velocity (6 × 1)."""
-    del shape
     arm = point.arm(state)
     return at_arm(arm, state.velocity(arm))
 
 
 def force_on(point: ForcePoint, state: PlatformState, shape: ca.SX) -> ca.SX:
     """On a point along x, y, z (6 × 3)."""
-    del shape
     return ca.horzcat(*(at_arm(point.arm(state), ca.SX(ca.DM.eye(3)[:, k])) for k in range(3)))

@@ -37,7 +37,6 @@ class UnitWrench(Effect):
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """θ itself."""
-        del state
         return theta
 
 

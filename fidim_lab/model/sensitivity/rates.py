@@ -38,7 +38,6 @@ class RateMeasurement:
 
     def at_nodes(self, trajectories: Trajectories, markers: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "W N 2 3"]:
         """Angular rate (rad/s) and its derivative at the nodes, body axes."""
-        del markers
         spins = np.stack([trajectories.twists[..., 3:], trajectories.accelerations[..., 3:]], axis=2)
         return spins @ trajectories.rotations
 
@@ -62,7 +61,6 @@ class RateMeasurement:
         extra: Float[np.ndarray, " extra"] | None = None,
     ) -> Float[np.ndarray, "T 1 3"]:
         """What is read at stamps (s since the recording's `begin`), rad/s."""
-        del count, begin, extra
         return self._read(_between(nodal, grid.t, stamps))[0][:, np.newaxis]
 
     def seen_by(
@@ -76,7 +74,6 @@ class RateMeasurement:
         extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
     ) -> Float[np.ndarray, "T 1 3 P"]:
         """Derivatives of `seen` for the window at `place` of a batch; the last columns are those of θ."""
-        del begin, extra
         nodes = trajectories.grid.t
         rates = _between(self.at_nodes(trajectories.only(place), markers)[0], nodes, stamps)
         _, by_rate, direct = self._read(rates)

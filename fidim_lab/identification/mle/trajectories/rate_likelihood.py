@@ -58,5 +58,4 @@ class RateLikelihood(Likelihood):
         self, w: int, rows: Float[np.ndarray, " K"], seen: Bool[np.ndarray, "T 1 3"]
     ) -> Float[np.ndarray, " K"]:
         """What is left beside bias and drift, rad/s."""
-        del w, seen
         return rows * self.noise
