@@ -10,7 +10,7 @@ from scipy.stats import qmc
 from fidim_lab.effects.wrenches import at_arm
 from fidim_lab.mismatch.unknown_force.family import Dependence, Expression, Family, bells, monomials
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
-from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, centres_of, drag_on, force_on
+from fidim_lab.mismatch.unknown_force.reach import Reach, centres_of, drag_on, force_on
 from fidim_lab.model.slots import PlatformState
 
 MOST_CENTRES = 45
@@ -82,7 +82,7 @@ def evenly(reach: Reach) -> list[Family]:
 
         label = f"force on {point.value} by a polynomial of the place, degree {degrees[-1]}"
         push = partial(force_on, point)
-        found.append(Family(Dependence.GRADIENT, label, push, law, NO_SHAPE, point=point, scale=half))
+        found.append(Family(Dependence.GRADIENT, label, push, law, point=point, scale=half))
     return found
 
 
@@ -93,11 +93,11 @@ def in_space(reach: Reach) -> list[Family]:
         width = share * reach.size
         positions = reach.places(point)
         field = partial(_field, point, centres_of(positions, width, MOST_CENTRES), width)
-        none, says = NO_SHAPE, f"{width:.2g} m wide"
+        says = f"{width:.2g} m wide"
         label = f"force field on {point.value}, {says}"
-        found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none, point=point))
+        found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, point=point))
         label = f"brake on {point.value} in places, {says}"
-        found.append(Family(Dependence.BRAKE, label, partial(drag_on, point), field, none, point=point))
+        found.append(Family(Dependence.BRAKE, label, partial(drag_on, point), field, point=point))
     return found
 
 

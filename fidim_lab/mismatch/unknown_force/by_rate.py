@@ -9,7 +9,6 @@ from fidim_lab.effects.wrenches import joint_rate, joint_torque
 from fidim_lab.mismatch.unknown_force.family import Dependence, Family, monomials
 from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.reach import (
-    NO_SHAPE,
     Reach,
     any_force,
     any_torque,
@@ -49,8 +48,8 @@ def _about_body_axes(state: PlatformState, shape: ca.SX) -> ca.SX:
     return turned(state.rotation)
 
 
-def _speed(state: PlatformState) -> ca.SX:
-    return _length(velocity(state))
+def _steady(state: PlatformState, shape: ca.SX) -> ca.SX:
+    return ca.SX(1)
 
 
 def _length(vector: ca.SX) -> ca.SX:
@@ -61,35 +60,25 @@ def of_speed(reach: Reach) -> list[Family]:
     """Drag by powers of the speed, alike in all directions or not, and any odd force of the velocity."""
 
     def power(exponent: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-        return (_speed(state) / reach.speed) ** (exponent - 1)
+        return (_length(velocity(state)) / reach.speed) ** (exponent - 1)
 
     def cubic(state: PlatformState, shape: ca.SX) -> ca.SX:
         return monomials(velocity(state) / reach.speed, (1, 2, 3))
 
-    none = NO_SHAPE
     found: list[Family] = []
     for q in POWERS:
         law, says = partial(power, q), f"speed^{q:g}"
-        found.append(Family(Dependence.SPEED, f"drag ~ {says}", _drag, law, none, power=q))
-        found.append(Family(Dependence.SPEED, f"drag ~ {says}, by axis", _drag_by_axis, law, none, power=q))
-    found.append(Family(Dependence.VELOCITY, "force of the velocity", any_force, cubic, none))
+        found.append(Family(Dependence.SPEED, f"drag ~ {says}", _drag, law, power=q))
+        found.append(Family(Dependence.SPEED, f"drag ~ {says}, by axis", _drag_by_axis, law, power=q))
+    found.append(Family(Dependence.VELOCITY, "force of the velocity", any_force, cubic))
     return found
 
 
 def of_spin(reach: Reach) -> list[Family]:
     """Torques against and across the turning, forces while something turns, and a torque of the orientation."""
 
-    def rate(state: PlatformState) -> ca.SX:
-        return _length(state.spin) / reach.spin
-
     def power(exponent: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-        return rate(state) ** (exponent - 1)
-
-    def grown(exponent: float, state: PlatformState, shape: ca.SX) -> ca.SX:
-        return rate(state) ** exponent
-
-    def steady(state: PlatformState, shape: ca.SX) -> ca.SX:
-        return ca.SX(1)
+        return (_length(state.spin) / reach.spin) ** exponent
 
     def spin(state: PlatformState, shape: ca.SX) -> ca.SX:
         return state.rotation.T @ state.spin / reach.spin
@@ -98,20 +87,19 @@ def of_spin(reach: Reach) -> list[Family]:
         r = state.rotation
         return monomials(ca.vertcat(r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]) / 2, (1, 2))
 
-    none = NO_SHAPE
     found: list[Family] = []
     for q in POWERS:
-        law, says = partial(power, q), f"turning rate^{q:g}"
-        found.append(Family(Dependence.SPIN, f"torque ~ {says}", _spin_drag, law, none, power=q))
-        found.append(Family(Dependence.SPIN, f"torque ~ {says}, by body axis", _spin_drag_by_axis, law, none, power=q))
-    found.append(Family(Dependence.ACROSS, "torque across the turning", _across_the_spin, steady, none))
-    found.append(Family(Dependence.SPIN, "any torque ~ turning rate", _about_body_axes, spin, none, power=1.0))
+        law, says = partial(power, q - 1), f"turning rate^{q:g}"
+        found.append(Family(Dependence.SPIN, f"torque ~ {says}", _spin_drag, law, power=q))
+        found.append(Family(Dependence.SPIN, f"torque ~ {says}, by body axis", _spin_drag_by_axis, law, power=q))
+    found.append(Family(Dependence.ACROSS, "torque across the turning", _across_the_spin, _steady))
+    found.append(Family(Dependence.SPIN, "any torque ~ turning rate", _about_body_axes, spin, power=1.0))
     for q in POWERS[:2]:
-        law, says = partial(grown, q), f"turning rate^{q:g}"
-        found.append(Family(Dependence.TURNING, f"force ~ {says}", any_force, law, none, power=q))
-        found.append(Family(Dependence.TURNING, f"steady torque ~ {says}", any_torque, law, none, power=q))
-        found.append(Family(Dependence.TURNING, f"drag ~ {says}", _drag, law, none, power=q))
-    found.append(Family(Dependence.ORIENTATION, "torque of the orientation", any_torque, tilted, none))
+        law, says = partial(power, q), f"turning rate^{q:g}"
+        found.append(Family(Dependence.TURNING, f"force ~ {says}", any_force, law, power=q))
+        found.append(Family(Dependence.TURNING, f"steady torque ~ {says}", any_torque, law, power=q))
+        found.append(Family(Dependence.TURNING, f"drag ~ {says}", _drag, law, power=q))
+    found.append(Family(Dependence.ORIENTATION, "torque of the orientation", any_torque, tilted))
     return found
 
 
@@ -121,22 +109,14 @@ def of_teeth() -> list[Family]:
     def teeth(which: str, state: PlatformState, shape: ca.SX) -> ca.SX:
         columns: list[ca.SX] = []
         for one in state.cables:
-            torque, angle = (
-                joint_torque(one, getattr(one, f"{which}_gradient"), ca.SX(1)),
-                getattr(one, f"{which}_angle"),
-            )
-            columns += [torque * ca.sin(shape[0] * angle), torque * ca.cos(shape[0] * angle)]
+            torque = joint_torque(one, getattr(one, f"{which}_gradient"), ca.SX(1))
+            angle = shape[0] * getattr(one, f"{which}_angle")
+            columns += [torque * ca.sin(angle), torque * ca.cos(angle)]
         return ca.horzcat(*columns)
 
-    def steady(state: PlatformState, shape: ca.SX) -> ca.SX:
-        return ca.SX(1)
-
-    shapes, steps = (
-        tuple(np.array([n]) for n in np.arange(*TEETH)),
-        np.array([0.3 * TEETH[2]]),
-    )
+    shapes, steps = tuple(np.array([n]) for n in np.arange(*TEETH)), np.array([0.3 * TEETH[2]])
     return [
-        Family(Dependence.DETENT, f"teeth of all {joint}", partial(teeth, which), steady, shapes, steps)
+        Family(Dependence.DETENT, f"teeth of all {joint}", partial(teeth, which), _steady, shapes, steps)
         for which, joint in (("swivel", "swivels"), ("wrap", "pulleys"))
     ]
 
@@ -161,19 +141,17 @@ def of_cable(cable: int) -> list[Family]:
         rate = ca.dot(state.spin, state.cables[cable - 1].direction)
         return ca.vertcat(rate, ca.tanh(rate / 0.01), rate**3, ca.SX(1))
 
-    none = NO_SHAPE
-    found = [
-        Family(
-            Dependence.CABLE,
-            f"torque on the {'swivel' if which == 'swivel' else 'pulley'} of cable {cable}",
-            partial(joint, which),
-            partial(laws, which),
-            none,
-            cable=cable,
-        )
-        for which in ("swivel", "wrap")
+    about_cable = f"torque about cable {cable} at its attachment"
+    return [
+        *(
+            Family(
+                Dependence.CABLE,
+                f"torque on the {name} of cable {cable}",
+                partial(joint, which),
+                partial(laws, which),
+                cable=cable,
+            )
+            for which, name in (("swivel", "swivel"), ("wrap", "pulley"))
+        ),
+        Family(Dependence.CABLE, about_cable, about, twisting, cable=cable),
     ]
-    found.append(
-        Family(Dependence.CABLE, f"torque about cable {cable} at its attachment", about, twisting, none, cable=cable)
-    )
-    return found

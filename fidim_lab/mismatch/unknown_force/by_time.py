@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.mismatch.unknown_force.family import Dependence, Family, bells
-from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, any_force, any_torque
+from fidim_lab.mismatch.unknown_force.reach import Reach, any_force, any_torque
 from fidim_lab.model.slots import PlatformState
 
 FREQUENCIES = (0.2, 8.0)
@@ -70,8 +70,8 @@ def in_time(reach: Reach) -> list[Family]:
         def course(state: PlatformState, shape: ca.SX, centres: np.ndarray = centres, width: float = width) -> ca.SX:
             return bells(state.time, ca.SX(ca.DM(centres)), ca.SX(width))
 
-        none, says = NO_SHAPE, f"changing within {width:g} s"
-        found.append(Family(Dependence.TIME, f"force of time, {says}", any_force, course, none))
+        says = f"changing within {width:g} s"
+        found.append(Family(Dependence.TIME, f"force of time, {says}", any_force, course))
         if width == 0.5:
-            found.append(Family(Dependence.TIME, f"torque of time, {says}", any_torque, course, none))
+            found.append(Family(Dependence.TIME, f"torque of time, {says}", any_torque, course))
     return found

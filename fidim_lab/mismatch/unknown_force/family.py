@@ -56,8 +56,8 @@ class Family:
     """D (6 × d)"""
     features: Expression
     """φ (k)"""
-    shapes: tuple[Float[np.ndarray, " shape"], ...]
-    """which are tried; all have the same length"""
+    shapes: tuple[Float[np.ndarray, " shape"], ...] = (np.zeros(0),)
+    """which are tried; all have the same length: 0 where nothing is searched"""
     steps: Float[np.ndarray, " shape"] | None = None
     """how far to go from the best of them at first to search on; None: they are all"""
     point: ForcePoint = ForcePoint.CENTRE_OF_MASS

@@ -11,9 +11,6 @@ from fidim_lab.mismatch.unknown_force.points import ForcePoint
 from fidim_lab.mismatch.unknown_force.responses import Responses
 from fidim_lab.model.slots import PlatformState
 
-NO_SHAPE = (np.zeros(0),)
-"""of a family in which nothing is searched"""
-
 
 @dataclass(frozen=True, eq=False)
 class Reach:
