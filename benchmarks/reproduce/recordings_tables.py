@@ -24,8 +24,7 @@ def everything(found: FromRecordings) -> tuple[Table, ...]:
 
 
 def _table(title: str, *names: str) -> Table:
-    table = Table(title=title, box=box.SIMPLE)
-    console.columns(table, *names)
+    table = console.table(title, (*names,), (), box=box.SIMPLE)
     return table
 
 

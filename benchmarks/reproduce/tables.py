@@ -39,11 +39,20 @@ def everything(found: Reproduction) -> tuple[Table, ...]:
 
 def optimised_table(windows: tuple[OptimisedWindow, ...], cost: float) -> Table:
     """Tables 2 and 3 with what they are like on the nominal robot."""
-    table = Table(
-        title=f"Tables 2, 3: optimised windows (CAD body). C without noise: {cost:.1f}, the paper's {paper.OPTIMUM_C}",
+    table = console.table(
+        f"Tables 2, 3: optimised windows (CAD body). C without noise: {cost:.1f}, the paper's {paper.OPTIMUM_C}",
+        (
+            "k",
+            "l, m",
+            "Δx, Δy, mm",
+            "tension, N",
+            "condition at rest",
+            "in motion",
+            "x, y are",
+        ),
+        (),
         box=box.SIMPLE,
     )
-    console.columns(table, "k", "l, m", "Δx, Δy, mm", "tension, N", "condition at rest", "in motion", "x, y are")
     for window in windows:
         planned = window.planned
         table.add_row(
@@ -60,10 +69,16 @@ def optimised_table(windows: tuple[OptimisedWindow, ...], cost: float) -> Table:
 
 def value_table(title: str, published: paper.Published, ours: dict[str, IdentifiedRun | str]) -> Table:
     """Nine parameters, σ_W and C: the paper's values, ours with the error against the truth in percent."""
-    table = Table(
-        title=f"{title}: s in mm, I in 1e-3 m² per unit mass (error in %; truth: the paper's Eq. 46)", box=box.SIMPLE
+    table = console.table(
+        f"{title}: s in mm, I in 1e-3 m² per unit mass (error in %; truth: the paper's Eq. 46)",
+        (
+            "",
+            "paper",
+            *ours,
+        ),
+        (),
+        box=box.SIMPLE,
     )
-    console.columns(table, "", "paper", *ours)
     for k, name in enumerate(PARAMETER_NAMES):
         cells = [_value(reading, k) for reading in ours.values()]
         table.add_row(name, f"{millimetres(published.values[k]):.2f}", *cells)
@@ -75,8 +90,16 @@ def value_table(title: str, published: paper.Published, ours: dict[str, Identifi
 
 def percent_table(title: str, published: paper.Published, ours: dict[str, IdentifiedRun | str]) -> Table:
     """σ% of the nine parameters, as the paper prints them."""
-    table = Table(title=f"{title}: σ% (Eq. 34)", box=box.SIMPLE)
-    console.columns(table, "", "paper", *ours)
+    table = console.table(
+        f"{title}: σ% (Eq. 34)",
+        (
+            "",
+            "paper",
+            *ours,
+        ),
+        (),
+        box=box.SIMPLE,
+    )
     for k, name in enumerate(PARAMETER_NAMES):
         cells = ["–" if isinstance(r, str) else _percent(r.percent[k]) for r in ours.values()]
         table.add_row(name, _percent(published.percent[k]), *cells)
@@ -85,8 +108,18 @@ def percent_table(title: str, published: paper.Published, ours: dict[str, Identi
 
 def difference_table(found: Reproduction) -> Table:
     """Eq. 49: how far full pose and free coordinates are apart, %."""
-    table = Table(title="Eq. 49: |full − free| over |free|, %", box=box.SIMPLE)
-    console.columns(table, "", "paper", "its σ% (Eq. 46)", "Table 2", "random")
+    table = console.table(
+        "Eq. 49: |full − free| over |free|, %",
+        (
+            "",
+            "paper",
+            "its σ% (Eq. 46)",
+            "Table 2",
+            "random",
+        ),
+        (),
+        box=box.SIMPLE,
+    )
     rows = [essential_difference(places) for places in (found.table2, found.random)]
     for k, name in enumerate(PARAMETER_NAMES[:ESSENTIAL]):
         shown = ["–" if row is None else f"{row[k]:.2f}" for row in rows]
@@ -99,10 +132,16 @@ def cross_validation_table(found: Reproduction) -> Table:
     free = found.random.free
     sigma_W = free.sigma_W if isinstance(free, IdentifiedRun) else np.inf
     expected = "" if found.expected is None else f", σ⊥ ≈ {found.expected:.3g} where the model holds"
-    table = Table(
-        title=f"Fig. 3: σ⊥ of held-out windows, full pose (mark: σ_W = {sigma_W:.3g}{expected})", box=box.SIMPLE
+    table = console.table(
+        f"Fig. 3: σ⊥ of held-out windows, full pose (mark: σ_W = {sigma_W:.3g}{expected})",
+        (
+            "window",
+            "σ⊥",
+            "σ⊥/σ_W",
+        ),
+        (),
+        box=box.SIMPLE,
     )
-    console.columns(table, "window", "σ⊥", "σ⊥/σ_W")
     table.add_column("")
     for name, sigma in found.sigma_perps.items():
         full = "█" * min(LONGEST, round(BAR * sigma / sigma_W))

@@ -21,7 +21,7 @@ from scipy.stats import chi2
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result import Estimated, IdentificationResult
 
 MOST_UNCERTAIN = 1 / 3
 """sd over mass beyond which nothing is stated"""
@@ -60,23 +60,15 @@ class KnownBody:
         return KnownBody(result.body.vector, result.covariance * np.outer(wider, wider))
 
 
-@dataclass(frozen=True)
-class MassEstimate:
-    """A mass with its uncertainty, kg."""
-
-    value: float
-    sd: float
-
-
 @dataclass(frozen=True, eq=False)
 class MassResult:
     """The platform's mass and what supports it."""
 
-    mass: MassEstimate
+    mass: Estimated
     """from the centre of mass, all three components (Eq. 24); the sd is widened by √(χ²/dof) where that is over 1"""
-    components: dict[str, MassEstimate | None]
+    components: dict[str, Estimated | None]
     """x, y, z of Eq. 24 alone; None where the payload lies as good as in line with the centre of mass"""
-    with_inertia: MassEstimate | None
+    with_inertia: Estimated | None
     """the same with the inertia of a point added; None where that finds no mass"""
     chi2: float
     dof: int
@@ -123,7 +115,7 @@ def find_mass(empty: KnownBody, loaded: KnownBody, payload: Payload) -> MassResu
     start = _start(empty, loaded, payload)
     mass, misfit = _fit(empty, loaded, payload, start, 3)
     dof = 2
-    widened = MassEstimate(mass.value, mass.sd * float(np.sqrt(max(1.0, misfit / dof))))
+    widened = Estimated(mass.value, mass.sd * float(np.sqrt(max(1.0, misfit / dof))))
     if not mass.value > 0 or not mass.sd < MOST_UNCERTAIN * mass.value:
         raise RefusedError(
             _nothing(empty, loaded, payload), hint="Put it farther from the centre of mass, or add more."
@@ -163,7 +155,7 @@ def _nothing(empty: KnownBody, loaded: KnownBody, payload: Payload) -> str:
     )
 
 
-def _fit(empty: KnownBody, loaded: KnownBody, payload: Payload, start: float, used: int) -> tuple[MassEstimate, float]:
+def _fit(empty: KnownBody, loaded: KnownBody, payload: Payload, start: float, used: int) -> tuple[Estimated, float]:
     """The mass and χ² from the first `used` parameters (3: centre of mass, 9: inertia of a point too)."""
     C_a, C_b = empty.covariance[:used, :used], loaded.covariance[:used, :used]
     mass = start
@@ -187,7 +179,7 @@ def _fit(empty: KnownBody, loaded: KnownBody, payload: Payload, start: float, us
     # The covariance through QR: JᵀJ would square a condition that is large already.
     R = np.linalg.qr(np.asarray(found.jac)).R
     sd = start * float(np.linalg.norm(np.linalg.inv(R)[used]))
-    return MassEstimate(mass, sd), 2.0 * float(found.cost)
+    return Estimated(mass, sd), 2.0 * float(found.cost)
 
 
 def _loaded(body: np.ndarray, mass: float, added: float, at: Vector3) -> np.ndarray:
@@ -216,7 +208,7 @@ def _by_payload(body: np.ndarray, mass: float, payload: Payload) -> Float[np.nda
     return np.stack(columns, axis=1)
 
 
-def _component(empty: KnownBody, loaded: KnownBody, payload: Payload, mass: float, k: int) -> MassEstimate | None:
+def _component(empty: KnownBody, loaded: KnownBody, payload: Payload, mass: float, k: int) -> Estimated | None:
     """One row of Eq. 24: m = Δm (p − s_L)/(s_L − s), its sd from m (s_L − s) − Δm (p − s_L) = 0."""
     d = loaded.values[k] - empty.values[k]
     both = mass + payload.mass
@@ -226,7 +218,7 @@ def _component(empty: KnownBody, loaded: KnownBody, payload: Payload, mass: floa
     sd = both * float(np.sqrt(variance))
     if not abs(d) > 0 or sd > abs(d) * mass:
         return None
-    return MassEstimate(float(payload.mass * (payload.at[k] - loaded.values[k]) / d), float(sd / abs(d)))
+    return Estimated(float(payload.mass * (payload.at[k] - loaded.values[k]) / d), float(sd / abs(d)))
 
 
 def _inverse_root(covariance: np.ndarray) -> np.ndarray:

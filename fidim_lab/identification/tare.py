@@ -14,22 +14,15 @@ from fidim_lab.data.records import Body
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.equations.consistency import ALLOWED, nearest_existing
 from fidim_lab.identification.payload_mass import KnownBody
-from fidim_lab.identification.results.result import IdentificationResult, InertialParameter
-
-
-@dataclass(frozen=True)
-class StatedMass:
-    """A mass as scales give it, kg."""
-
-    mass: float
-    sd: float
+from fidim_lab.identification.results.result import Estimated, IdentificationResult, InertialParameter
 
 
 @dataclass(frozen=True, eq=False)
 class Difference:
     """The body that makes the difference."""
 
-    mass: StatedMass
+    mass: Estimated
+    """kg"""
     parameters: dict[str, InertialParameter]
     """per unit of its own mass, about P; seen where both campaigns show them"""
     about_com: dict[str, InertialParameter]
@@ -45,31 +38,31 @@ class Difference:
 
 
 def difference(
-    loaded: IdentificationResult, empty: IdentificationResult, with_it: StatedMass, without: StatedMass
+    loaded: IdentificationResult, empty: IdentificationResult, with_it: Estimated, without: Estimated
 ) -> Difference:
-    """What was added to the empty platform; masses are those of the whole platform in each campaign.
+    """What was added to the empty platform; masses (kg) are those of the whole platform in each campaign.
 
     Raises SetupError where the loaded platform is not the heavier one.
     """
-    mass = with_it.mass - without.mass
+    mass = with_it.value - without.value
     if mass <= 0:
         raise SetupError(
-            f"The platform of {loaded.campaign} has {with_it.mass:g} kg, the empty one of {empty.campaign} "
-            f"{without.mass:g} kg: nothing was added.",
+            f"The platform of {loaded.campaign} has {with_it.value:g} kg, the empty one of {empty.campaign} "
+            f"{without.value:g} kg: nothing was added.",
             hint="State the mass of the whole platform in each campaign's robot.toml (platform, mass).",
         )
     one, other = KnownBody.of(loaded), KnownBody.of(empty)
-    values = (with_it.mass * one.values - without.mass * other.values) / mass
+    values = (with_it.value * one.values - without.value * other.values) / mass
     by_masses = np.column_stack([(one.values - values) * with_it.sd, (other.values - values) * without.sd]) / mass
-    covariance = (with_it.mass**2 * one.covariance + without.mass**2 * other.covariance) / mass**2
+    covariance = (with_it.value**2 * one.covariance + without.value**2 * other.covariance) / mass**2
     covariance = covariance + by_masses @ by_masses.T
-    nominal = (with_it.mass * loaded.nominal.vector - without.mass * empty.nominal.vector) / mass
+    nominal = (with_it.value * loaded.nominal.vector - without.value * empty.nominal.vector) / mass
     parameters = {
         name: _parameter(values[k], covariance, k, nominal[k], seen=p.seen and empty.parameters[name].seen)
         for k, (name, p) in enumerate(loaded.parameters.items())
     }
     alone = replace(loaded, parameters=parameters, covariance=covariance, leave_one_out=None)
-    known = StatedMass(mass, float(np.hypot(with_it.sd, without.sd)))
+    known = Estimated(mass, float(np.hypot(with_it.sd, without.sd)))
     whole = all(p.seen for p in parameters.values())
     off = nearest_existing(Body.from_vector(values), covariance)[1] if whole else 0.0
     return Difference(known, parameters, alone.about_com(), off)

@@ -78,11 +78,9 @@ def _as_json(cells: Sequence[Cell]) -> dict[str, object]:
 def _table(cells: Sequence[Cell]) -> Table:
     n_e, n_s = (sorted({getattr(cell, name) for cell in cells}) for name in ("equilibria", "samples"))
     at = {(cell.equilibria, cell.samples): cell for cell in cells}
-    table = Table(title="C: best and median of the starts")
-    table.add_column("samples", justify="right")
-    for count in n_e:
-        table.add_column(f"{count} equilibria", justify="right")
-    for samples in n_s:
-        row = (at[count, samples] for count in n_e)
-        table.add_row(str(samples), *(f"{cell.best:.2f}  {np.median(cell.values):.2f}" for cell in row))
-    return table
+    rows = [
+        (str(samples), *(f"{at[n, samples].best:.2f}  {np.median(at[n, samples].values):.2f}" for n in n_e))
+        for samples in n_s
+    ]
+    names = ("samples", *(f"{count} equilibria" for count in n_e))
+    return console.table("C: best and median of the starts", names, rows, left=0)

@@ -3,21 +3,18 @@
 Progress goes to standard error, the answer to standard output. An answer is exit code 0, whatever it says.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
+from fidim_lab.app.formats.explanation_file import as_file
+from fidim_lab.app.report.sections.explained import effect_tables, ranking_table, shift_table
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, write_explanation
-from fidim_lab.mismatch.conclusion.parts import EffectParameter
+from fidim_lab.mismatch.conclusion.explanation import Explanation, write_explanation
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.units import millimetres, plain, signed
 
 
 def explain_command(
@@ -58,54 +55,14 @@ def explain_command(
 
 def summary(explanation: Explanation) -> RenderableType:
     """The whole answer for a terminal: four short parts, effects, what was tried, the body, details."""
-    answer = explanation.answer
-    shown: list[RenderableType] = [
+    answer, found = explanation.answer, as_file(explanation)
+    where = found.where
+    return Group(
         *console.answer(f"{explanation.campaign}: {explanation.verdict.value}", () if answer is None else answer.parts),
-        *(effect_table(cause) for cause in explanation.effects),
-        *(_sizes_table(f"Like {term.like}: {term.says}", term.parameters) for term in explanation.law),
-        *([Text("Where it shows", style="bold")] if explanation.where else []),
-        *(Text(f"  {place.says}") for place in explanation.where),
-        ranking_table(explanation),
-        parameter_table(explanation),
+        *(table.on_screen for table in effect_tables(found)),
+        *([Text("Where it shows", style="bold")] if where else []),
+        *(Text(f"  {place.says}") for place in where),
+        ranking_table(found).on_screen,
+        shift_table(found).on_screen,
         Text(explanation.message),
-    ]
-    return Group(*shown)
-
-
-def effect_table(cause: NamedCause) -> Table:
-    """One named effect with its parameters."""
-    place = "" if cause.cable is None else f" of cable {cause.cable}"
-    alike = f"; cannot be separated from {', '.join(cause.equivalent_to)}" if cause.equivalent_to else ""
-    return _sizes_table(f"{cause.id}{place}: {cause.says}{alike}", cause.parameters)
-
-
-def _sizes_table(title: str, parameters: Mapping[str, EffectParameter]) -> Table:
-    table = Table(title=escape(title))
-    console.columns(table, "parameter", "value", "sd", "unit")
-    for name, parameter in parameters.items():
-        sd = "held" if parameter.sd is None else f"{parameter.sd:.2g}"
-        table.add_row(name, plain(parameter.value, 5), sd, parameter.unit)
-    return table
-
-
-def ranking_table(explanation: Explanation) -> Table:
-    """Every model that was fitted, then the best that were only scored."""
-    table = Table(title="What was tried")
-    console.columns(table, "model", "held-out χ²/dof", "possible")
-    table.add_column("why")
-    for ranked in explanation.ranking:
-        held = "–" if ranked.held_out_chi2_per_dof is None else plain(ranked.held_out_chi2_per_dof, 4)
-        table.add_row(ranked.name, held, "yes" if ranked.plausible else "no", escape(ranked.told))
-    return table
-
-
-def parameter_table(explanation: Explanation) -> Table:
-    """The body with and without the effects, and how far it moved."""
-    table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
-    console.columns(table, "parameter", "CAD", "before", "after", "sd", "moved, sd")
-    for name, after in explanation.parameters.items():
-        before = explanation.parameters_before[name]
-        moved = (after.value - before.value) / before.sd if before.sd > 0 else 0.0
-        values = (f"{millimetres(x):.4f}" for x in (after.nominal, before.value, after.value))
-        table.add_row(name, *values, f"{millimetres(after.sd):.2g}", signed(moved, 1))
-    return table
+    )

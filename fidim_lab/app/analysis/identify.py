@@ -13,6 +13,7 @@ from rich.table import Table
 
 from fidim_lab.app.analysis.identified import next_command, summary
 from fidim_lab.app.report.pages.write import write_report
+from fidim_lab.app.report.sections.numerals import fixed, short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.app.workflows.identify import PosedCampaign, identify_posed, read_posed, run_identify
@@ -21,7 +22,7 @@ from fidim_lab.identification.equations.estimators import Method, method_named
 from fidim_lab.identification.motion.pose_sources import PoseSource
 from fidim_lab.identification.results.result import IdentificationResult, InertialParameter
 from fidim_lab.identification.results.result_file import write_result
-from fidim_lab.units import millimetres, plain
+from fidim_lab.units import millimetres
 
 
 def identify_command(
@@ -76,16 +77,20 @@ def _from_own_sensors(
 
 def comparison(posed: PosedCampaign, here: IdentificationResult, mocap: IdentificationResult) -> RenderableType:
     """Pose differences by window, and parameters from both sources side by side."""
-    poses = Table(title="Poses against those of the motion capture (rms of one coordinate)")
-    console.columns(poses, "window", "samples", "position, mm", "rotation, mrad")
-    for one in posed.differences:
-        poses.add_row(one.window, str(one.samples), f"{one.position * 1e3:.2f}", f"{one.rotation * 1e3:.1f}")
-    both = Table(title=f"Parameters by {here.method.value} (± spread between windows; s in mm, I in 1e-3 m²)")
-    console.columns(both, "parameter", "CAD", "this source", "motion capture")
-    for name, parameter in here.parameters.items():
-        other = mocap.parameters[name]
-        both.add_row(name, f"{millimetres(parameter.nominal):.2f}", _shown(parameter), _shown(other))
-    return Group(poses, both)
+    poses = [
+        (one.window, str(one.samples), f"{one.position * 1e3:.2f}", f"{one.rotation * 1e3:.1f}")
+        for one in posed.differences
+    ]
+    both = [
+        (name, f"{millimetres(parameter.nominal):.2f}", _shown(parameter), _shown(mocap.parameters[name]))
+        for name, parameter in here.parameters.items()
+    ]
+    of_poses = "Poses against those of the motion capture (rms of one coordinate)"
+    of_both = f"Parameters by {here.method.value} (± spread between windows; s in mm, I in 1e-3 m²)"
+    return Group(
+        console.table(of_poses, ("window", "samples", "position, mm", "rotation, mrad"), poses),
+        console.table(of_both, ("parameter", "CAD", "this source", "motion capture"), both),
+    )
 
 
 def _shown(parameter: InertialParameter) -> str:
@@ -103,26 +108,17 @@ class Forms:
 
 def scaling_table(forms: Forms) -> Table:
     """Nine parameters in three forms, each with its nominal sd where it has one."""
-    table = Table(title="Total least squares in three forms (s in mm, I in 1e-3 m² per unit mass, about P)")
-    console.columns(table, "parameter", "CAD", "the paper's", "sd", "columns of norm 1", "moves by, sd", "ours", "sd")
     effect = forms.paper.scaling_effect
+    rows: list[tuple[str, ...]] = []
     for k, (name, paper) in enumerate(forms.paper.parameters.items()):
         ours = forms.ours.parameters[name]
-        shown = paper.value, paper.sd, *(() if effect is None else (paper.value + effect[k],))
-        middle = [f"{millimetres(v):.3f}" for v in shown] + ([] if effect is not None else ["–"])
+        scaled = None if effect is None else paper.value + float(effect[k])
         moved = "–" if effect is None or paper.sd == 0 else f"{effect[k] / paper.sd:+.1f}"
-        table.add_row(
-            name,
-            f"{millimetres(paper.nominal):.3f}",
-            *middle,
-            moved,
-            f"{millimetres(ours.value):.3f}",
-            f"{millimetres(ours.sd):.3f}",
-        )
-    table.add_row("σ_W", "", _figure(forms.paper.sigma_W), "", "", "", _figure(forms.ours.sigma_W), "")
-    table.add_row("C", "", _figure(forms.paper.C), "", "", "", _figure(forms.ours.C), "")
-    return table
-
-
-def _figure(value: float | None) -> str:
-    return "–" if value is None else plain(value)
+        values = (paper.nominal, paper.value, paper.sd, scaled, ours.value, ours.sd)
+        shown = [fixed(None if value is None else millimetres(value), 3) for value in values]
+        rows.append((name, *shown[:4], moved, *shown[4:]))
+    rows += [("σ_W", "", short(forms.paper.sigma_W), "", "", "", short(forms.ours.sigma_W), "")]
+    rows += [("C", "", short(forms.paper.C), "", "", "", short(forms.ours.C), "")]
+    names = ("parameter", "CAD", "the paper's", "sd", "columns of norm 1", "moves by, sd", "ours", "sd")
+    title = "Total least squares in three forms (s in mm, I in 1e-3 m² per unit mass, about P)"
+    return console.table(title, names, rows)

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
-from fidim_lab.app.analysis.identified import gauge_table, next_command, parameter_table, window_table
-from fidim_lab.app.report.sections.joint import COLUMNS, closing, cross_rows
+from fidim_lab.app.analysis.identified import next_command
+from fidim_lab.app.report.sections.joint import closing, cross_table
+from fidim_lab.app.report.sections.tables import parameter_tables, window_table
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
@@ -43,19 +42,7 @@ def summary(found: JointResult) -> RenderableType:
     result = found.result
     return Group(
         *console.answer(f"{result.campaign}: {result.outcome.code}", result.answer.parts),
-        parameter_table(result),
-        gauge_table(result),
-        *([cross_table(found)] if found.cross else []),
-        window_table(result),
+        *(table.on_screen for table in (*parameter_tables(result), *cross_table(found), window_table(result))),
         *(Text(f"warning: {warning}", style="yellow") for warning in result.warnings),
         Text(closing(found), style="bold"),
     )
-
-
-def cross_table(found: JointResult) -> Table:
-    """Fitted on some, predicted on the others."""
-    table = Table(title="Fitted on some campaigns, predicted on others (only the initial states are fitted again)")
-    console.columns(table, *COLUMNS, left=2)
-    for row in cross_rows(found):
-        table.add_row(*(escape(cell) for cell in row))
-    return table

@@ -15,13 +15,12 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.payload_mass import (
     KnownBody,
-    MassEstimate,
     MassResult,
     Payload,
     find_mass,
     refuse_other_geometry,
 )
-from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result import Estimated, IdentificationResult
 from fidim_lab.identification.results.result_file import write_result
 
 
@@ -101,14 +100,17 @@ def payload_command(
 
 def mass_table(found: MassResult, nominal: float) -> Table:
     """The mass from each component, from all three, and with the inertia."""
-    table = Table(title="Mass of the platform (kg) from the payload (Eq. 24)")
-    console.columns(table, "from", "mass", "sd", "centre of mass moved by, mm")
-    for k, (axis, estimate) in enumerate(found.components.items()):
-        table.add_row(f"{axis} of the centre of mass", *_figures(estimate), f"{1e3 * found.shift[k]:.3f}")
-    table.add_row("all three, weighted", *_figures(found.mass), f"{1e3 * np.linalg.norm(found.shift):.3f}")
-    table.add_row("the same and the inertia of a point", *_figures(found.with_inertia), "")
-    table.add_row("robot file", f"{nominal:.4g}", "", "")
-    return table
+    rows = [
+        *(
+            (f"{axis} of the centre of mass", *_figures(estimate), f"{1e3 * shift:.3f}")
+            for (axis, estimate), shift in zip(found.components.items(), found.shift, strict=True)
+        ),
+        ("all three, weighted", *_figures(found.mass), f"{1e3 * np.linalg.norm(found.shift):.3f}"),
+        ("the same and the inertia of a point", *_figures(found.with_inertia), ""),
+        ("robot file", f"{nominal:.4g}", "", ""),
+    ]
+    names = ("from", "mass", "sd", "centre of mass moved by, mm")
+    return console.table("Mass of the platform (kg) from the payload (Eq. 24)", names, rows)
 
 
 def mass_sentences(found: MassResult, payload: Payload) -> list[str]:
@@ -130,7 +132,7 @@ def mass_sentences(found: MassResult, payload: Payload) -> list[str]:
     return said
 
 
-def _about_inertia(found: MassResult, other: MassEstimate, payload: Payload) -> str:
+def _about_inertia(found: MassResult, other: Estimated, payload: Payload) -> str:
     apart = abs(other.value - found.mass.value) / max(found.mass.sd, 1e-300)
     agrees = "agrees with it" if apart < 3 else f"differs from it by {apart:.1f} sd: the payload is not a point"
     gain = (
@@ -147,8 +149,8 @@ def mass_json(found: MassResult, payload: Payload, nominal: float, loaded: Ident
         "value": found.mass.value,
         "sd": found.mass.sd,
         "nominal": nominal,
-        "components": {axis: _json(e) for axis, e in found.components.items()},
-        "with_inertia": _json(found.with_inertia),
+        "components": {axis: e and vars(e) for axis, e in found.components.items()},
+        "with_inertia": found.with_inertia and vars(found.with_inertia),
         "chi2": found.chi2,
         "dof": found.dof,
         "p": found.p,
@@ -162,9 +164,5 @@ def mass_json(found: MassResult, payload: Payload, nominal: float, loaded: Ident
     }
 
 
-def _json(estimate: MassEstimate | None) -> dict[str, float] | None:
-    return None if estimate is None else {"value": estimate.value, "sd": estimate.sd}
-
-
-def _figures(estimate: MassEstimate | None) -> tuple[str, str]:
+def _figures(estimate: Estimated | None) -> tuple[str, str]:
     return ("–", "–") if estimate is None else (f"{estimate.value:.4f}", f"{estimate.sd:.2g}")

@@ -111,23 +111,20 @@ def sentences(campaign: Campaign, found: Registered) -> list[str]:
 
 
 def _tried(found: Registered) -> Table:
-    table = Table(title="What was left open")
-    console.columns(table, "free", "χ²/dof", "criterion (0: best)")
-    for one in found.tried:
-        table.add_row(one.free.says, plain(one.placed.chi2_per_dof), plain(one.criterion))
-    return table
+    rows = [(one.free.says, plain(one.placed.chi2_per_dof), plain(one.criterion)) for one in found.tried]
+    return console.table("What was left open", ("free", "χ²/dof", "criterion (0: best)"), rows)
 
 
 def _left(campaign: Campaign, found: Registered) -> Table:
     """Residuals by marker and by cable, and what each anchor would take away."""
-    table = Table(title="What is left, rms")
-    console.columns(table, "what", "mm", "χ²/dof with its anchor free", "anchor moved by, mm")
-    for k, m in enumerate(found.sample.numbers):
-        table.add_row(f"marker {m + 1}", f"{_rms(found.best.markers[:, k]):.3g}", "", "")
-    for k, one in zip(range(campaign.robot.n), found.suspects, strict=True):
-        left = f"{_rms(found.best.lengths[:, k]):.3g}"
-        table.add_row(f"length of cable {k + 1}", left, plain(one.chi2_per_dof), _mm(one.by))
-    return table
+    markers, lengths = ([f"{_rms(each):.3g}" for each in left.T] for left in (found.best.markers, found.best.lengths))
+    rows = [(f"marker {m + 1}", left, "", "") for m, left in zip(found.sample.numbers, markers, strict=True)]
+    rows += [
+        (f"length of cable {k}", left, plain(one.chi2_per_dof), _mm(one.by))
+        for k, (left, one) in enumerate(zip(lengths, found.suspects, strict=True), start=1)
+    ]
+    names = ("what", "mm", "χ²/dof with its anchor free", "anchor moved by, mm")
+    return console.table("What is left, rms", names, rows)
 
 
 def _rms(values: np.ndarray) -> float:

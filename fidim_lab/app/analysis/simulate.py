@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from rich.text import Text
 
 from fidim_lab.app import compose
 from fidim_lab.app.analysis.possible_robot import require_possible
@@ -233,19 +232,15 @@ class _Progress:
 
 def _table(done: Simulated) -> Table:
     """One row a window."""
-    table = Table(title=Text(f"Simulated campaign {done.campaign.name}"))
-    console.columns(table, "window", "role", "equilibrium, m", "amplitude, mm", "tension, N", "slack", left=2)
+    rows: list[tuple[str, ...]] = []
     for recorded in done.recorded:
         window, (low, high) = recorded.window, recorded.tension
-        table.add_row(
-            window.id,
-            window.role.value,
-            ", ".join(f"{value:.3f}" for value in _place(window)),
-            f"{millimetres(_amplitude(window)):.0f}",
-            f"{low:.1f} – {high:.1f}",
-            "".join(f"cable {i.cable}" for i in recorded.slack[:1]),
-        )
-    return table
+        slack = "".join(f"cable {i.cable}" for i in recorded.slack[:1])
+        moves = f"{millimetres(_amplitude(window)):.0f}"
+        rest = ", ".join(f"{value:.3f}" for value in _place(window))
+        rows.append((window.id, window.role.value, rest, moves, f"{low:.1f} – {high:.1f}", slack))
+    names = ("window", "role", "equilibrium, m", "amplitude, mm", "tension, N", "slack")
+    return console.table(f"Simulated campaign {done.campaign.name}", names, rows, left=2)
 
 
 def _place(window: Window) -> np.ndarray:

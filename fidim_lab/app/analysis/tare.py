@@ -12,9 +12,9 @@ from fidim_lab.app.workflows.identify import UNUSABLE, run_identify
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.payload_mass import refuse_other_geometry
-from fidim_lab.identification.results.result import InertialParameter
+from fidim_lab.identification.results.result import Estimated, InertialParameter
 from fidim_lab.identification.results.result_file import write_result
-from fidim_lab.identification.tare import Difference, StatedMass, difference
+from fidim_lab.identification.tare import Difference, difference
 from fidim_lab.units import millimetres
 
 
@@ -39,7 +39,7 @@ def tare_command(
     if unusable := [one for one in (loaded, bare) if one.outcome in UNUSABLE]:
         reasons = "; ".join(f"{one.campaign}: {one.outcome.value}" for one in unusable)
         raise RefusedError(f"Nothing can be subtracted: {reasons}")
-    found = difference(loaded, bare, *(StatedMass(robot.mass, mass_sd) for robot in robots))
+    found = difference(loaded, bare, *(Estimated(robot.mass, mass_sd) for robot in robots))
     if json_file is not None:
         write_result(json_file, loaded, tare=_json(found, bare.campaign))
     console.out.print(_table(found))
@@ -54,13 +54,10 @@ def tare_command(
 
 def _table(found: Difference) -> Table:
     mass = found.mass
-    table = Table(title=f"What was added: {mass.mass:.4g} kg ± {mass.sd:.2g} kg (s in mm from P, I in 1e-3 kg m²)")
-    console.columns(table, "parameter", "CAD", "difference", "±")
-    for name, parameter in found.parameters.items():
-        table.add_row(name, *_cells(parameter, 1.0 if name.startswith("s_") else mass.mass))
-    for name, parameter in found.about_com.items():
-        table.add_row(f"{name} about its G", *_cells(parameter, mass.mass))
-    return table
+    title = f"What was added: {mass.value:.4g} kg ± {mass.sd:.2g} kg (s in mm from P, I in 1e-3 kg m²)"
+    rows = [(name, *_cells(p, 1.0 if name.startswith("s_") else mass.value)) for name, p in found.parameters.items()]
+    rows += [(f"{name} about its G", *_cells(p, mass.value)) for name, p in found.about_com.items()]
+    return console.table(title, ("parameter", "CAD", "difference", "±"), rows)
 
 
 def _cells(parameter: InertialParameter, factor: float) -> tuple[str, str, str]:
@@ -72,7 +69,7 @@ def _json(found: Difference, empty: str) -> dict[str, object]:
     """The key `tare` of a result file (docs/payload.md); per unit of the difference's own mass."""
     return {
         "campaign": empty,
-        "mass": {"value": found.mass.mass, "sd": found.mass.sd},
+        "mass": {"value": found.mass.value, "sd": found.mass.sd},
         "parameters": {
             name: {"value": p.value if p.seen else None, "sd": p.sd if p.seen else None, "seen": p.seen}
             for name, p in found.parameters.items()

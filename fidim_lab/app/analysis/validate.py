@@ -10,6 +10,7 @@ from rich.table import Table
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.explanation_file import ExplanationTable
 from fidim_lab.app.report.contents.found_model import Found, found_model, read_found
+from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
@@ -20,7 +21,7 @@ from fidim_lab.identification.equations.refusals import no_sigma
 from fidim_lab.identification.motion.recipe import BEST, PAPER
 from fidim_lab.identification.results.result_file import ResultTable
 from fidim_lab.mismatch.conclusion.explanation import Verdict
-from fidim_lab.units import millimetres, plain
+from fidim_lab.units import millimetres
 
 FORMAT = "fidim-validation/1"
 LIMIT = 2.0
@@ -103,32 +104,20 @@ def sigma_of(given: Found) -> float | None:
 def table(found: CrossValidation, sigma_W: float | None) -> Table:
     """Each window with σ⊥ against what is expected (a bar, as Fig. 3), rms and χ²/dof."""
     source = "from marker noise" if sigma_W is None else f"√λ ‖χ‖ σ_W, σ_W = {sigma_W:.3g}"
-    shown = Table(title=f"Parameters held, only each window's initial state fitted (σ⊥ of Eq. 50; expected: {source})")
-    for column in (
-        "window",
-        "role",
-        "σ⊥",
-        "expected",
-        "σ⊥ as Fig. 3, │ is the expected",
-        "rms, mm",
-        "χ²/dof",
-        "verdict",
-    ):
-        right = column in ("σ⊥", "expected", "rms, mm", "χ²/dof")
-        shown.add_column(column, justify="right" if right else "left")
-    for window in found.windows:
-        shown.add_row(
+    rows = [
+        (
             window.id,
             window.role.value,
-            _number(window.sigma_perp),
-            _number(window.expected),
+            *(short(value) for value in (window.sigma_perp, window.expected)),
             _bar(window),
-            "–" if window.rms is None else f"{millimetres(window.rms):.3g}",
-            _number(window.chi2_per_dof),
+            *(short(value) for value in (None if window.rms is None else millimetres(window.rms), window.chi2_per_dof)),
             _verdict(window),
         )
-    shown.caption, shown.caption_justify = found.no_sigma or None, "left"
-    return shown
+        for window in found.windows
+    ]
+    names = ("window", "role", "σ⊥", "expected", "σ⊥ as Fig. 3, │ is the expected", "rms, mm", "χ²/dof", "verdict")
+    title = f"Parameters held, only each window's initial state fitted (σ⊥ of Eq. 50; expected: {source})"
+    return console.table(title, names, rows, left=len(names), caption=found.no_sigma or None, caption_justify="left")
 
 
 def to_json(
@@ -187,7 +176,3 @@ def _verdict(window: JudgedWindow) -> str:
             return f"not predicted: {window.why}"
         case None:
             return f"not judged: {window.why}"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else plain(value)

@@ -196,10 +196,6 @@ def _table(runs: Sequence[Run]) -> Table:
 
 
 def _statistic(title: str, counted: dict[str, tuple[int, int]]) -> Table:
-    table = Table(box=None, pad_edge=False, title=title, title_justify="left")
-    console.columns(table, "", "failed", "of")
-    for name, (bad, count) in list(counted.items())[:SHOWN]:
-        table.add_row(name, str(bad), str(count))
-    if not counted:
-        table.add_row("none", "", "")
-    return table
+    rows = [(name, str(bad), str(count)) for name, (bad, count) in list(counted.items())[:SHOWN]]
+    none = ("none", "", "")
+    return console.table(title, ("", "failed", "of"), rows or [none], box=None, pad_edge=False, title_justify="left")

@@ -124,10 +124,8 @@ def summary(report: ImportReport, out: Console) -> None:
 
 
 def _arrangements(report: ImportReport) -> Table:
-    shown = Table(title="Which way round? (swivel angles decide; a right arrangement stretches with tension)")
-    console.columns(shown, "yaw", "lengths, mm rms", "with stretch", "stretch, µm/N", "swivel correlation", "", left=0)
-    for evidence in report.arrangements:
-        shown.add_row(
+    rows = [
+        (
             f"{degrees(evidence.rigid.yaw):.0f}°",
             f"{millimetres(evidence.rigid.rms):.3f}",
             f"{millimetres(evidence.stretched.rms):.3f}",
@@ -135,7 +133,11 @@ def _arrangements(report: ImportReport) -> Table:
             f"{evidence.clock.correlation:.2f}",
             "chosen" if evidence is report.chosen else "",
         )
-    return shown
+        for evidence in report.arrangements
+    ]
+    title = "Which way round? (swivel angles decide; a right arrangement stretches with tension)"
+    names = ("yaw", "lengths, mm rms", "with stretch", "stretch, µm/N", "swivel correlation", "")
+    return console.table(title, names, rows, left=0)
 
 
 def _print_softness(report: ImportReport, out: Console) -> None:
@@ -150,19 +152,14 @@ def _print_softness(report: ImportReport, out: Console) -> None:
 
 
 def _windows(report: ImportReport) -> Table:
-    shown = Table(title=f"Hand-free windows ({len(report.hand_free.too_short)} shorter stretches left out)")
-    for name in ("window", "from, s", "to, s", "role", "begins after", "ends because"):
-        shown.add_column(name)
-    for window, found in zip(report.campaign.windows, report.hand_free.windows, strict=True):
-        shown.add_row(
-            window.id,
-            f"{found.begin:.2f}",
-            f"{found.end:.2f}",
-            window.role.value,
-            found.before.value,
-            found.after.value,
-        )
-    return shown
+    pairs = zip(report.campaign.windows, report.hand_free.windows, strict=True)
+    rows = [
+        (w.id, f"{one.begin:.2f}", f"{one.end:.2f}", w.role.value, one.before.value, one.after.value)
+        for w, one in pairs
+    ]
+    title = f"Hand-free windows ({len(report.hand_free.too_short)} shorter stretches left out)"
+    names = ("window", "from, s", "to, s", "role", "begins after", "ends because")
+    return console.table(title, names, rows, left=len(names))
 
 
 def _milliseconds(clock: ClockOffset) -> str:

@@ -8,8 +8,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from rich.table import Table
-
 from fidim_lab.app import compose
 from fidim_lab.app.analysis.identified import next_command, summary
 from fidim_lab.app.analysis.possible_robot import require_possible
@@ -17,6 +15,7 @@ from fidim_lab.app.formats.dry_run_spec import DryRunSpec, write_dry_run
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.report.pages.write import write_report
+from fidim_lab.app.report.sections.tables import parameter_rows, truth_table
 from fidim_lab.app.session.dry_run_plan import DryRunOptions, planned
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.run_display import display
@@ -24,12 +23,10 @@ from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.app.workflows.identify import run_identify
 from fidim_lab.data.campaign import ROBOT
 from fidim_lab.data.plan_file import read_plan, write_plan
-from fidim_lab.data.records import Plan, Robot
+from fidim_lab.data.records import Body, Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import HardwareError, of_file
-from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import write_result
-from fidim_lab.units import signed
 from procedures.events import Event, RunFinished
 from procedures.guards.robot_guards import LogGuard
 from procedures.protocols.catalogue import experiment as procedure_of
@@ -78,7 +75,7 @@ def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> in
         resumption = read_resumption(folder, {window.id: window.role for window in plan.windows})
         world = compose.simulated_world(robot, spec.seed, spec.hide)
         if len(resumption.rows) == len(plan.windows):  # the journal may end while it was identified
-            _identify(folder, compose.world_truth(world, plan.name, spec.seed), json_file)
+            _identify(folder, world.body, json_file)
             return 0
         experiment = _experiment(spec, plan, robot, resumption)
         return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world, resumption), json_file)
@@ -100,7 +97,7 @@ def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
     further = ""
     if report.exit_code == 0:
         try:
-            further = _identify(folder, rehearsal.truth, json_file)
+            further = _identify(folder, rehearsal.world.body, json_file)
         except OSError as error:
             what = f"{error.filename or folder}: cannot be written: {error.strerror or error}."
             hint = f"All windows are recorded. Free some space, then: fidim identify {folder}"
@@ -117,7 +114,7 @@ def _says(report: RunReport) -> str:
     return f"run {report.outcome}: {report.reason or 'all windows are judged.'} {report.held_says}"
 
 
-def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) -> str:
+def _identify(folder: Path, true: Body, json_file: Path | None) -> str:
     """Identify and show it; returns the command that follows where something is missing, else nothing."""
     with Working("identifying", windows_of(folder)):
         result = run_identify(folder)
@@ -125,34 +122,10 @@ def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) ->
     if json_file is not None:
         write_result(json_file, result)
     console.out.print(summary(result))
-    console.out.print(truth_table(result, truth))
+    console.out.print(truth_table(parameter_rows(result, true)).on_screen)
     report = write_report(folder, result)
     console.out.print(f"report      {report}", markup=False)
     return "" if result.outcome.answers else next_command(folder, result, json_file)
-
-
-def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table:
-    """Identified parameters beside the hidden true ones, the error in units of the stated uncertainty."""
-    true = [*_numbers(truth["s"]), *_numbers(truth["I"])]
-    table = Table(title="Identified and true parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
-    console.columns(table, "parameter", "identified", "±", "true", "error", "error, %", "error / ±")
-    for (name, parameter), value in zip(result.parameters.items(), true, strict=True):
-        error = parameter.value - value
-        stated = max(parameter.sd, parameter.spread or 0.0)
-        table.add_row(
-            name,
-            f"{parameter.value * 1e3:.4f}",
-            f"{stated * 1e3:.4f}",
-            f"{value * 1e3:.4f}",
-            signed(error * 1e3, 4),
-            signed(100 * error / value, 3) if value else "",
-            signed(error / stated, 1) if stated else "",
-        )
-    return table
-
-
-def _numbers(values: object) -> list[float]:
-    return [float(v) for v in values] if isinstance(values, list) else []
 
 
 class _Rehearsal:
@@ -168,10 +141,9 @@ class _Rehearsal:
         world: compose.World,
         resumption: Resumption | None = None,
     ) -> None:
-        self.folder = folder
-        self.truth = compose.world_truth(world, plan.name, spec.seed)
+        self.folder, self.world = folder, world
         self._robot, self._plan, self._experiment = robot, plan, experiment
-        self._spec, self._world, self._resumption = spec, world, resumption
+        self._spec, self._resumption = spec, resumption
         self._records: RunRecords | None = None
         self._ended: RunReport | None = None
 
@@ -202,7 +174,7 @@ class _Rehearsal:
         async with compose.simulated_rig(
             self._robot,
             self._plan,
-            self._world,
+            self.world,
             spec.seed,
             real_time=spec.real_time,
             start=None if place is None else place.end,
@@ -236,7 +208,8 @@ class _Rehearsal:
         if self._resumption is not None:
             return  # they are there
         write_plan(self.folder / PLAN, self._plan)
-        (self.folder / TRUTH).write_text(json.dumps(self.truth, indent=1) + "\n", encoding="utf-8")
+        truth = compose.world_truth(self.world, self._plan.name, self._spec.seed)
+        (self.folder / TRUTH).write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
         write_dry_run(self.folder, self._spec)
 
 

@@ -81,26 +81,16 @@ def _readings(campaign: Path) -> list[TensionReading]:
 
 
 def _table(found: tuple[WinchCalibration, ...]) -> Table:
-    table = Table(title="Tension T = gain · I + offset, within ± friction")
-    for column in (
-        "winch",
-        "gain, N/A",
-        "sd",
-        "offset, N",
-        "sd",
-        "friction, ± N",
-        "direction known, ± N",
-        "tensions, N",
-        "rests",
-    ):
-        table.add_column(column, justify="right")
+    rows: list[tuple[str, ...]] = []
     for number, winch in enumerate(found, start=1):
         low, high = winch.range
         known = [f"{winch.gain:.2f}", f"{winch.sd_gain:.2f}", f"{winch.offset:+.2f}", f"{winch.sd_offset:.2f}"]
         middle = [*known, f"{winch.friction:.2f}"] if math.isfinite(winch.gain) else ["–"] * 5
         middle.append(f"{winch.scatter:.2f}" if math.isfinite(winch.scatter) else "–")
-        table.add_row(str(number), *middle, f"{low:.0f}–{high:.0f}", str(winch.rests))
-    return table
+        rows.append((str(number), *middle, f"{low:.0f}–{high:.0f}", str(winch.rests)))
+    measured = ("gain, N/A", "sd", "offset, N", "sd", "friction, ± N", "direction known, ± N")
+    names = ("winch", *measured, "tensions, N", "rests")
+    return console.table("Tension T = gain · I + offset, within ± friction", names, rows, left=0)
 
 
 def _line(number: int, winch: WinchCalibration) -> str:

@@ -1,11 +1,12 @@
 """Where output goes: results to standard output, progress and warnings to standard error."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -48,10 +49,17 @@ def confirm(question: str, otherwise: str) -> None:
     raise RefusedError(otherwise, hint=hint)
 
 
-def columns(table: Table, *names: str, left: int = 1) -> None:
-    """Head a table: the first `left` columns hold words, the others figures."""
+def table(title: str, names: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1, **style: Any) -> Table:
+    """A table of text cells, none of them markup: the first `left` columns hold words, the others figures.
+
+    style: of rich's Table.
+    """
+    made = Table(title=escape(title) or None, **style)
     for index, name in enumerate(names):
-        table.add_column(name, justify="left" if index < left else "right")
+        made.add_column(escape(name), justify="left" if index < left else "right")
+    for row in rows:
+        made.add_row(*map(escape, row))
+    return made
 
 
 def answer(head: str, parts: Iterable[tuple[str, str]]) -> list[Text]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from fidim_lab.app.terminal import console
 from fidim_lab.data.records import PlannedWindow
 from fidim_lab.units import millimetres
 
@@ -21,15 +22,14 @@ def windows_table(
     """
     first, *others = heads
     lengths = (f"l_{i + 1}, m" for i in range(len(windows[0].lengths)))
-    table = Table(title=title)
-    for head in (first, *lengths, "Δx, Δy, mm", "marker at rest, m", *others):
-        table.add_column(head, justify="right")
-    for name, window, noted in zip(names, windows, notes, strict=True):
-        table.add_row(
+    rows = (
+        (
             name,
             *(f"{v:.3f}" for v in window.lengths),
             ", ".join(f"{millimetres(v):.1f}" for v in window.displacement),
             ", ".join(f"{v:.3f}" for v in window.position),
             *noted,
         )
-    return table
+        for name, window, noted in zip(names, windows, notes, strict=True)
+    )
+    return console.table(title, (first, *lengths, "Δx, Δy, mm", "marker at rest, m", *others), rows, left=0)

@@ -107,6 +107,16 @@ MOVED_BY = {
 
 
 @dataclass(frozen=True)
+class Estimated:
+    """A value with its standard deviation, SI."""
+
+    __pydantic_config__ = STRICT  # pyright: ignore[reportUnannotatedClassAttribute]
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True)
 class InertialParameter:
     """One inertial parameter (m or m², per unit mass, about P)."""
 

@@ -11,7 +11,7 @@ from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.errors import FileError
 from fidim_lab.identification.cleaning.removed import Removed
-from fidim_lab.identification.results.result import AnchorByEncoder, IdentificationResult, Moved
+from fidim_lab.identification.results.result import AnchorByEncoder, Estimated, IdentificationResult, Moved
 
 
 class _Strict(BaseModel):
@@ -49,13 +49,6 @@ class ResultWindow(_Strict):
     used: bool
 
 
-class MassEstimateTable(_Strict):
-    """A mass with its sd, kg."""
-
-    value: float
-    sd: float
-
-
 class PayloadTable(_Strict):
     """`mass.payload`: what was added to the platform, and the campaign recorded with it."""
 
@@ -78,16 +71,18 @@ class TareTable(_Strict):
     """`tare`: there only after `identify --tare`."""
 
     campaign: str
-    mass: MassEstimateTable
+    mass: Estimated
     parameters: dict[str, TareParameter]
 
 
-class MassTable(MassEstimateTable):
-    """`mass`: there only after `identify --payload`."""
+class MassTable(_Strict):
+    """`mass`: there only after `identify --payload`; kg."""
 
+    value: float
+    sd: float
     nominal: float
-    components: dict[Literal["x", "y", "z"], MassEstimateTable | None]
-    with_inertia: MassEstimateTable | None
+    components: dict[Literal["x", "y", "z"], Estimated | None]
+    with_inertia: Estimated | None
     chi2: float
     dof: int
     p: float
@@ -105,13 +100,6 @@ class GeometryTable(_Strict):
     def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:
         """By key and cable, as `survey.as_found` asks for them."""
         return {(one.what, one.cable): one.by for one in self.moved}
-
-
-class DissipationTable(_Strict):
-    """One of `joint.dissipation`."""
-
-    value: float
-    sd: float
 
 
 class CrossWindowTable(_Strict):
@@ -139,7 +127,7 @@ class JointTable(_Strict):
 
     campaigns: tuple[str, ...]
     shared: tuple[str, ...]
-    dissipation: dict[str, DissipationTable]
+    dissipation: dict[str, Estimated]
     cross: tuple[CrossTable, ...]
 
 

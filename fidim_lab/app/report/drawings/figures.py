@@ -118,6 +118,8 @@ class ParameterRow:
     spread: float | None
     nominal: float | None
     true: float | None
+    seen: bool = True
+    """whether the recordings say anything of it"""
 
 
 @styled

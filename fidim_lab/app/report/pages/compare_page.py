@@ -11,10 +11,8 @@ from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks, sd
 from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, to_svg
 from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
-from fidim_lab.app.report.sections.comparison import Comparison, Shift, WindowPair, limit
-from fidim_lab.app.report.sections.numerals import decimals, fixed, short
+from fidim_lab.app.report.sections.comparison import Comparison, Shift, WindowPair, comparison_tables, limit
 from fidim_lab.app.report.sections.tables import ReportTable
-from fidim_lab.units import millimetres
 
 
 @dataclass(frozen=True)
@@ -38,33 +36,10 @@ def write_compare_page(found: Comparison, out: Path) -> Path:
         badges=(badge,),
         summary=(("A", found.a.says), ("B", found.b.says), ("Found", found.message)),
         warnings=found.warnings,
-        tables=_tables(found),
+        tables=comparison_tables(found),
         drawings=_drawings(found),
     )
     return write_page(render("compare.html.jinja", page), out, None)
-
-
-def _tables(found: Comparison) -> tuple[ReportTable, ...]:
-    sessions = ReportTable("Sessions", ("", "A", "B"), found.facts, numbers=False)
-    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: the larger of sd and spread between windows"
-    names = ("parameter", "A", "±", "B", "±", "B − A", "in sd")
-    parameters = ReportTable(caption, names, tuple(_cells(shift) for shift in found.shifts))
-    columns = ("window", "χ²/dof A", "χ²/dof B", "rms A, mm", "rms B, mm", "σ⊥ A", "σ⊥ B")
-    windows = ReportTable("Windows of the same name", columns, tuple(_window(pair) for pair in found.windows))
-    return (sessions, *([parameters] if found.shifts else []), *([windows] if found.windows else []))
-
-
-def _cells(shift: Shift) -> tuple[str, ...]:
-    known = [sd for sd in (shift.sd_a, shift.sd_b) if sd > 0.0]
-    places = decimals(millimetres(min(known, default=0.0)))  # so that the better session's interval is to be seen
-    values = (shift.a, shift.sd_a, shift.b, shift.sd_b, shift.difference)
-    z = "–" if shift.z is None else f"{shift.z:+.1f}"
-    return (shift.name, *(fixed(millimetres(value), places) for value in values), z)
-
-
-def _window(pair: WindowPair) -> tuple[str, ...]:
-    a, b = ((None,) * 3 if w is None else (w.chi2_per_dof, w.rms_mm, w.sigma_perp) for w in (pair.a, pair.b))
-    return (pair.id, *(short(value) for both in zip(a, b, strict=True) for value in both))
 
 
 def _drawings(found: Comparison) -> tuple[Drawing, ...]:

@@ -10,7 +10,7 @@ from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, to_svg
 from fidim_lab.app.report.pages.compare_page import ComparePage
 from fidim_lab.app.report.pages.html import render
 from fidim_lab.app.report.pages.write import write_page
-from fidim_lab.app.report.sections.joint import COLUMNS, closing, cross_rows
+from fidim_lab.app.report.sections.joint import closing, cross_table
 from fidim_lab.app.report.sections.numerals import decimals, fixed
 from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.identification.joint.identify import JointResult
@@ -41,11 +41,6 @@ def _tables(found: JointResult) -> tuple[ReportTable, ...]:
         ("parameter", "CAD", "identified", "±"),
         tuple(_cells(name, one) for name, one in result.parameters.items()),
     )
-    cross = ReportTable(
-        "Fitted on some campaigns, predicted on others; only the initial states are fitted again",
-        COLUMNS,
-        cross_rows(found),
-    )
     moved = () if result.geometry is None else result.geometry.moved
     geometry = ReportTable(
         "Geometry against the robot files, mm or mrad",
@@ -60,7 +55,7 @@ def _tables(found: JointResult) -> tuple[ReportTable, ...]:
             for one in moved
         ),
     )
-    return (parameters, *([cross] if found.cross else []), *([geometry] if moved else []))
+    return (parameters, *cross_table(found), *([geometry] if moved else []))
 
 
 def _cells(name: str, one: InertialParameter) -> tuple[str, ...]:

@@ -153,21 +153,8 @@ def _parameters(contents: Contents, result: IdentificationResult) -> Drawing:
 
 def _parameter_tables(contents: Contents, result: IdentificationResult) -> tuple[ReportTable, ...]:
     true = _true(contents)
-    theirs = true is None and is_papers_robot(contents.campaign.robot)
-    beside = tables.paper_columns(result) if theirs else {}
-    return (
-        tables.parameter_table(
-            "Inertial parameters per unit mass, about P: s in mm, I in 10⁻³ m²",
-            tables.parameter_rows(result, true),
-            {"re-fit": tables.refits(result)} | beside,
-        ),
-        tables.parameter_table(
-            f"Independent of the choice of P: s_z from the plane of the attachments (mean a_z = "
-            f"{1e3 * result.attachment_plane:.1f} mm) in mm, I about G in 10⁻³ m²",
-            tables.gauge_rows(result, true),
-            {},
-        ),
-    )
+    papers_robot = true is None and is_papers_robot(contents.campaign.robot)
+    return tables.parameter_tables(result, true, papers_robot=papers_robot)
 
 
 def _cross_validation(result: IdentificationResult) -> Drawing | None:

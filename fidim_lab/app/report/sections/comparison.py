@@ -8,9 +8,11 @@ from scipy import stats
 
 from fidim_lab.app.report.sections.compared_session import ComparedSession
 from fidim_lab.app.report.sections.explained import VERDICTS
-from fidim_lab.app.report.sections.numerals import short
+from fidim_lab.app.report.sections.numerals import decimals, fixed, short
+from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable, ResultWindow
+from fidim_lab.units import millimetres
 
 CHANCE = 0.01
 """of calling two sessions of one body different: shared evenly among the nine parameters (Bonferroni)"""
@@ -225,3 +227,27 @@ def _side(session: ComparedSession) -> dict[str, object]:
 
 def _window(one: ResultWindow | None) -> dict[str, object] | None:
     return None if one is None else one.model_dump(mode="json", exclude={"id"})
+
+
+def comparison_tables(found: Comparison) -> tuple[ReportTable, ...]:
+    """Sessions, parameters and windows side by side."""
+    sessions = ReportTable("Sessions", ("", "A", "B"), found.facts, numbers=False)
+    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: the larger of sd and spread between windows"
+    names = ("parameter", "A", "±", "B", "±", "B − A", "in sd")
+    parameters = ReportTable(caption, names, tuple(_cells(shift) for shift in found.shifts))
+    columns = ("window", "χ²/dof A", "χ²/dof B", "rms A, mm", "rms B, mm", "σ⊥ A", "σ⊥ B")
+    windows = ReportTable("Windows of the same name", columns, tuple(_window_cells(pair) for pair in found.windows))
+    return (sessions, *([parameters] if found.shifts else []), *([windows] if found.windows else []))
+
+
+def _cells(shift: Shift) -> tuple[str, ...]:
+    known = [sd for sd in (shift.sd_a, shift.sd_b) if sd > 0.0]
+    places = decimals(millimetres(min(known, default=0.0)))  # so that the better session's interval is to be seen
+    values = (shift.a, shift.sd_a, shift.b, shift.sd_b, shift.difference)
+    z = "–" if shift.z is None else f"{shift.z:+.1f}"
+    return (shift.name, *(fixed(millimetres(value), places) for value in values), z)
+
+
+def _window_cells(pair: WindowPair) -> tuple[str, ...]:
+    a, b = ((None,) * 3 if w is None else (w.chi2_per_dof, w.rms_mm, w.sigma_perp) for w in (pair.a, pair.b))
+    return (pair.id, *(short(value) for both in zip(a, b, strict=True) for value in both))

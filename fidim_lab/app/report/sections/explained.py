@@ -56,10 +56,7 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
         completes=found.verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED),
         message=found.message,
         next=found.next_experiment or "",
-        effects=(
-            *(effect_table(effect) for effect in found.effects),
-            *(_sizes_table(f"Like {term.like}: {term.says}", term.parameters) for term in found.law),
-        ),
+        effects=effect_tables(found),
         places=tuple(dict.fromkeys(place.says for place in found.where)),
         unknown=() if unknown is None else unknown.words,
         field=() if field is None else proof_figures.field_drawings(field.field),
@@ -70,15 +67,21 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
     )
 
 
-def effect_table(effect: EffectTable) -> ReportTable:
-    """One effect with its sizes."""
-    alike = f"; these data cannot separate it from {', '.join(effect.alike)}" if effect.alike else ""
-    return _sizes_table(f"{effect.label}: {effect.says}{alike}", effect.parameters)
+def effect_tables(found: ExplanationTable) -> tuple[ReportTable, ...]:
+    """Each effect, or term of a law without a name, with its sizes."""
+    return (
+        *(_sizes_table(f"{one.label}: {one.says}{_alike(one)}", one.parameters) for one in found.effects),
+        *(_sizes_table(f"Like {term.like}: {term.says}", term.parameters) for term in found.law),
+    )
+
+
+def _alike(effect: EffectTable) -> str:
+    return f"; these data cannot separate it from {', '.join(effect.alike)}" if effect.alike else ""
 
 
 def _sizes_table(caption: str, parameters: Mapping[str, EffectParameter]) -> ReportTable:
     rows = [
-        (name, short(p.value), "at its limit" if p.sd is None else f"{p.sd:.2g}", p.unit)
+        (name, short(p.value, 5), "at its limit" if p.sd is None else f"{p.sd:.2g}", p.unit)
         for name, p in parameters.items()
     ]
     return ReportTable(caption, ("parameter", "value", "sd", "unit"), tuple(rows))

@@ -1,14 +1,13 @@
 """A fit of several campaigns: what was predicted from what, and how far it may be trusted."""
 
 from fidim_lab.app.report.sections.numerals import short
+from fidim_lab.app.report.sections.tables import ReportTable
 from fidim_lab.identification.joint.identify import JointResult
 from fidim_lab.units import millimetres
 
-COLUMNS = ("fitted on", "predicted", "windows", "rms, mm", "of the pose, mm", "median, mm", "largest, mm")
 
-
-def cross_rows(found: JointResult) -> tuple[tuple[str, ...], ...]:
-    """One for each pair of a fit and a campaign that it has not seen."""
+def cross_table(found: JointResult) -> tuple[ReportTable, ...]:
+    """A row for each pair of a fit and a campaign that it has not seen; no table without one."""
     rows: list[tuple[str, ...]] = []
     for one in found.cross:
         known = [millimetres(window.rms) for window in one.windows if window.rms is not None]
@@ -22,7 +21,9 @@ def cross_rows(found: JointResult) -> tuple[tuple[str, ...], ...]:
         rows.append(
             (fitted, found.campaigns[one.predicted] + held, f"{len(known)}/{len(one.windows)}", *shown, largest)
         )
-    return tuple(rows)
+    names = ("fitted on", "predicted", "windows", "rms, mm", "of the pose, mm", "median, mm", "largest, mm")
+    caption = "Fitted on some campaigns, predicted on others; only the initial states are fitted again"
+    return (ReportTable(caption, names, tuple(rows)),) if rows else ()
 
 
 def closing(found: JointResult) -> str:

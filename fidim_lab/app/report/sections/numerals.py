@@ -19,9 +19,9 @@ def fixed(value: float | None, places: int) -> str:
     return "–" if value is None or math.isnan(value) else f"{value:.{places}f}"
 
 
-def short(value: float | None) -> str:
-    """A value with three figures; a dash for nothing."""
-    return "–" if value is None or math.isnan(value) else plain(value)
+def short(value: float | None, count: int = 3) -> str:
+    """A value with so many figures; a dash for nothing."""
+    return "–" if value is None or math.isnan(value) else plain(value, count)
 
 
 def interval(value: float, uncertainty: float) -> str:

@@ -8,14 +8,18 @@ from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
 
+from rich.table import Table
+
 from fidim_lab.app.report.contents.folder import Contents, GradeRow, Imported, ImportedTakes
 from fidim_lab.app.report.contents.story import Attempt, Story, ToldMeasurement
 from fidim_lab.app.report.drawings.figures import Bar, ParameterRow
 from fidim_lab.app.report.sections.incidents import incident_rows
 from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, short, size
 from fidim_lab.app.report.sections.paper import FOUND
+from fidim_lab.app.terminal import console
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.results.result import IdentificationResult, InertialParameter, WindowVerdict
+from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.units import degrees, millimetres, percent, plain, signed
 from procedures.outcomes import Outcome
 
@@ -40,6 +44,11 @@ class ReportTable:
     rows: tuple[tuple[str, ...], ...]
     numbers: bool = True
     """whether all columns but the first hold numbers"""
+
+    @property
+    def on_screen(self) -> Table:
+        """The same for a terminal."""
+        return console.table(self.caption, self.columns, self.rows, left=1 if self.numbers else len(self.columns))
 
 
 def parameter_rows(result: IdentificationResult, true: Body | None) -> tuple[ParameterRow, ...]:
@@ -80,12 +89,47 @@ def _row(name: str, parameter: InertialParameter, true: float | None) -> Paramet
         spread=None if parameter.spread is None else millimetres(parameter.spread),
         nominal=millimetres(parameter.nominal),
         true=None if true is None else millimetres(true),
+        seen=parameter.seen,
     )
 
 
 def stated(row: ParameterRow) -> float:
     """The uncertainty to believe: the larger of nominal sd and spread."""
     return max(row.sd, row.spread or 0.0)
+
+
+def parameter_tables(
+    result: IdentificationResult, true: Body | None = None, *, papers_robot: bool = False
+) -> tuple[ReportTable, ReportTable]:
+    """All nine, and what does not depend on the choice of P; true: what a simulator hid."""
+    beside = paper_columns(result) if papers_robot else {}
+    plane = f"the plane of the attachments (mean a_z = {millimetres(result.attachment_plane):.1f} mm)"
+    return (
+        parameter_table(
+            "Inertial parameters per unit mass, about P: s in mm, I in 10⁻³ m²",
+            parameter_rows(result, true),
+            {"re-fit": refits(result)} | beside,
+        ),
+        parameter_table(
+            f"Independent of the choice of P: s_z from {plane} in mm, I about G in 10⁻³ m²",
+            gauge_rows(result, true),
+            {},
+        ),
+    )
+
+
+def truth_table(rows: Sequence[ParameterRow]) -> ReportTable:
+    """Of parameters whose true values are known: the error in units of the stated uncertainty."""
+    names = ("parameter", "identified", "±", "true", "error", "error, %", "error / ±")
+    cells: list[tuple[str, ...]] = []
+    for row in rows:
+        true = row.true or 0.0
+        error, wide, places = row.value - true, stated(row), decimals(stated(row))
+        known = (fixed(value, places) for value in (row.value, wide, true))
+        share, in_sd = (signed(a / b, n) if b else "" for a, b, n in ((100 * error, true, 3), (error, wide, 1)))
+        cells.append((row.name, *known, signed(error, places), share, in_sd))
+    caption = "Identified and true parameters per unit mass, about P: s in mm, I in 10⁻³ m²"
+    return ReportTable(caption, names, tuple(cells))
 
 
 def parameter_table(caption: str, rows: Sequence[ParameterRow], further: Mapping[str, Sequence[str]]) -> ReportTable:
@@ -124,6 +168,9 @@ def paper_columns(result: IdentificationResult) -> dict[str, tuple[str, ...]]:
 def _cells(row: ParameterRow, further: Sequence[str]) -> tuple[str, ...]:
     """Digits as the larger uncertainty leaves them."""
     places = decimals(stated(row))
+    if not row.seen:
+        true = fixed(row.true, places)
+        return (row.name, "not determined", "", "", "", fixed(row.nominal, places), *further, true, "", "")
     share = None if row.spread is None or row.value == 0 else row.spread / abs(row.value)
     error = None if row.true is None else row.value - row.true
     return (
@@ -140,19 +187,22 @@ def _cells(row: ParameterRow, further: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def window_table(result: IdentificationResult, story: Story | None) -> ReportTable:
+def window_table(result: IdentificationResult, story: Story | None = None) -> ReportTable:
     """One line a window: what the result means for it, and how often it was recorded."""
     windows = result.windows
     attempts = {told.id: sum(a.recorded for a in told.attempts) for told in story.windows} if story else {}
     names = ("window", "role", "pose from", "samples", "σ⊥, m/s²", "rms, mm", "χ²/dof", "conditioning", "recordings")
     there = (*[True] * 8, bool(attempts))
     rows = [(*verdict_cells(window), str(attempts.get(window.id, "–"))) for window in windows]
-    return ReportTable(
-        "All windows. rms and χ²/dof: recorded against predicted from the fitted initial state alone. "
-        + result.no_sigma,
-        tuple(compress(names, there)),
-        tuple(tuple(compress(row, there)) for row in rows),
-    )
+    scale = ""
+    if result.sigma_W is not None:
+        expected = expected_sigma_perp(result.sigma_W, result.body, result.freedoms)
+        scale = f" (σ_W = {short(result.sigma_W)}, so σ⊥ ≈ {short(expected)} is expected)"
+    caption = (
+        f"All windows. σ⊥: residual of the equations of motion{scale}; rms and χ²/dof: recorded against predicted from "
+        f"the fitted initial state alone. {result.no_sigma}"
+    ).rstrip()
+    return ReportTable(caption, tuple(compress(names, there)), tuple(tuple(compress(row, there)) for row in rows))
 
 
 def verdict_cells(window: WindowVerdict) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from fidim_lab.app.report.drawings import spectra
 from fidim_lab.app.report.drawings.figures import sd_levels
 from fidim_lab.app.report.pages.explain_page import write_explain_page
 from fidim_lab.app.report.pages.write import write_report
-from fidim_lab.app.report.sections.explained import effect_table, explained
+from fidim_lab.app.report.sections.explained import effect_tables, explained
 from fidim_lab.app.report.sections.proof_figures import field_drawings
 from fidim_lab.app.report.sections.words import explained_sentence
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window
@@ -195,7 +195,7 @@ def test_a_large_class_is_told_whole_and_the_file_keeps_to_its_format(explanatio
     assert read.effects[0].alike == alike
     assert claims_of(read)[0].rivals == alike
     assert "these data cannot separate it from rotational-drag, swivel-damping, umbilical, pulley-friction" in str(
-        effect_table(read.effects[0])
+        effect_tables(read)[0]
     )
 
 
