@@ -2,6 +2,7 @@
 
     repeated       frames that repeat the one before become missing
     placeholders   (0, 0, 0) and other constants that stand for a blank become missing
+    held           places that a marker keeps while the motion goes on become missing
     labels         markers whose names are exchanged get their own
     filled         samples that were computed from their neighbours become missing
     stamps         times of arrival become the even times of the samples
@@ -29,12 +30,20 @@ from fidim_lab.identification.cleaning.knocked import without_knocked_markers
 from fidim_lab.identification.cleaning.labels import with_right_labels
 from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
-from fidim_lab.identification.cleaning.repeated import without_repeated
+from fidim_lab.identification.cleaning.repeated import without_held, without_repeated
 from fidim_lab.identification.cleaning.stamps import retimed
 from fidim_lab.identification.data_checks.screening import Screening, screen
 from fidim_lab.identification.markers.finding import Finding
 
-STEPS = (without_repeated, without_placeholders, with_right_labels, without_filled, retimed, without_clock_jumps)
+STEPS = (
+    without_repeated,
+    without_placeholders,
+    without_held,
+    with_right_labels,
+    without_filled,
+    retimed,
+    without_clock_jumps,
+)
 """what samples and the marker's shape alone show; each takes what the one before leaves"""
 
 

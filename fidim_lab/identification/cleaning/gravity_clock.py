@@ -112,7 +112,7 @@ def _left_over(grams: Float[np.ndarray, "B 20 20"], nominal: np.ndarray, speed: 
         prior = MISSED**2 * float(nominal @ inertial[kept].mean(axis=0) @ nominal) / unsure**2
         known = prior * nominal[1:] - table[1:, 0]
         chi = np.concatenate([[1.0], np.linalg.solve(table[1:, 1:] + np.diag(prior), known)])
-        share = (all_forces @ chi @ chi) / np.maximum(inertial @ chi @ chi, TINY)
+        share = np.maximum(all_forces @ chi @ chi, 0.0) / np.maximum(inertial @ chi @ chi, TINY)
         kept = np.argsort(share)[: (len(grams) + 1) // 2]
     away = float(np.sum(((chi - nominal)[1:] / unsure) ** 2))
     return float(np.sqrt(np.mean(share[kept]) + MISSED**2 * away))

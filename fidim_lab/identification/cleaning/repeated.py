@@ -1,8 +1,10 @@
 """Frames that repeat the one before: a slow camera in a faster file, frames that a stream lost.
 
 The first of equal frames was measured when its time says, the others later than they were: they become missing.
-Measured frames are equal only by rounding, and then single coordinates are equal far more often. A place that is held
-for longer is a fault of its own, which screening names; one that comes again later, or 0 0 0, stands for a blank.
+Measured frames are equal only by rounding, and then single coordinates are equal far more often. One that comes again
+later, or 0 0 0, stands for a blank. A marker that keeps one place for longer and then catches up has moved on unseen: a
+program filled the gap. Where it goes on from that place instead, a hand may have held it, in a recording without noise;
+screening names what is neither.
 """
 
 from collections import Counter
@@ -23,6 +25,25 @@ WHY = "repeats the frame before"
 def without_repeated(campaign: Campaign) -> CleanRecordings:
     """Repeated frames become missing samples."""
     return without_each(campaign, _repeated, WHY, "repeat the frame before to the last digit")
+
+
+def without_held(campaign: Campaign) -> CleanRecordings:
+    """Places that a marker keeps while the motion goes on become missing samples."""
+    return without_each(campaign, _held, WHY, "keep a place to the last digit while the motion continues")
+
+
+def _held(window: Window) -> Bool[np.ndarray, "N M"]:
+    held = np.zeros(window.markers.shape[:2], dtype=bool)
+    for marker, track in enumerate(np.swapaxes(window.markers, 0, 1)):
+        steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
+        own = np.where(np.append(False, steps[:-1] == 0.0), np.nan, steps)  # of one frame, not of those held before it
+        for begin, end in runs(np.asarray(steps == 0.0)):
+            kept = end - begin + 1
+            if kept < FEWEST_HELD or end >= len(steps):
+                continue
+            beside = [*own[max(0, begin - 1) : begin], *own[end + 1 : end + 1 + kept]]
+            held[begin + 1 : end + 1, marker] = steps[end] > np.nanmax([0.0, *beside])
+    return held
 
 
 def _repeated(window: Window) -> Bool[np.ndarray, "N M"]:

@@ -108,6 +108,38 @@ def test_repeated_frames_are_missing(recorded: Make, every: int | None, cluster:
     assert {one.why for one in found.removed} == {"repeats the frame before"}
 
 
+@pytest.mark.parametrize("markers", [slice(None), slice(1, 2)])
+def test_a_place_that_is_kept_while_the_motion_goes_on_is_no_hand(recorded: Make, markers: slice):
+    gaps = [(60, 100), (102, 130), (300, 380)]
+
+    def spoil(places: np.ndarray) -> np.ndarray:
+        for begin, end in gaps:
+            places[begin:end, markers] = places[begin - 1, markers]
+        return places
+
+    found = clean_recordings(each(recorded(noise=NOISE, cluster=True), spoil)).recordings
+    gone = np.concatenate([np.arange(*gap) for gap in gaps])
+    for window in found.campaign.windows:
+        assert np.flatnonzero(~np.isfinite(window.markers[:, markers]).all(axis=(1, 2))).tolist() == gone.tolist()
+    assert {one.why for one in found.removed} == {"repeats the frame before"}
+    assert "while the motion continues" in found.notes[0]
+
+
+def test_a_hand_that_holds_without_noise_is_a_hand(recorded: Make):
+    """As another simulator writes it: what is let go does not catch up with anything."""
+
+    def held(window: Window) -> Window:
+        speeds = np.linalg.norm(np.diff(window.markers, axis=0), axis=(1, 2))
+        slowest = int(np.argmin(speeds[:300]))
+        held = np.repeat(window.markers[slowest : slowest + 1], 150, axis=0)
+        return of_rows(window, np.concatenate([held, window.markers[slowest:]]))
+
+    campaign = recorded(noise=0.0, cluster=True)
+    found = clean_recordings(replace(campaign, windows=tuple(map(held, campaign.windows)))).recordings
+    assert "repeats the frame before" not in {one.why for one in found.removed}
+    assert all(not np.isfinite(w.markers[:140]).any() for w in found.campaign.windows)
+
+
 def test_places_that_are_equal_by_rounding_are_measured(recorded: Make):
     campaign = recorded(noise=NOISE)
     windows = (replace(w, markers=np.round(w.markers, 3)) for w in campaign.windows)
