@@ -85,7 +85,7 @@ def shown(body: Body, attachment: float) -> np.ndarray:
 
 
 def row(name: str, estimate: Callable[[Campaign], Answer], campaign: Campaign) -> list[object]:
-    attachment = float(np.mean([cable.a[2] for cable in campaign.robot.cables]))
+    attachment = campaign.robot.attachment_plane
     cad = shown(campaign.robot.nominal, attachment)
     try:
         answer = estimate(campaign)
@@ -114,7 +114,7 @@ def all_windows(campaign: Campaign) -> list[object]:
     """Elastic cables fitted to every window; nothing is left to judge by."""
     everything = replace(campaign, windows=tuple(replace(w, role=Role.IDENTIFY) for w in campaign.windows))
     answer = trajectory(everything)
-    attachment = float(np.mean([cable.a[2] for cable in campaign.robot.cables]))
+    attachment = campaign.robot.attachment_plane
     values, cad = shown(answer.body, attachment), shown(campaign.robot.nominal, attachment)
     cells = [
         f"{1e3 * value:.2f}" + (f" ({100 * (value / wanted - 1):+.1f} %)" if abs(wanted) > 1e-3 else "")
@@ -128,7 +128,7 @@ def main() -> None:
     parser.add_argument("recording", type=Path)
     options = parser.parse_args()
     campaign = imported(options.recording)
-    attachment = float(np.mean([cable.a[2] for cable in campaign.robot.cables]))
+    attachment = campaign.robot.attachment_plane
     cad = ["CAD", *(f"{1e3 * value:.2f}" for value in shown(campaign.robot.nominal, attachment)), "", ""]
     rows = [cad, *(row(name, estimate, campaign) for name, estimate in ESTIMATORS.items()), all_windows(campaign)]
     units = [f"{name}, mm" if name.startswith("s") else f"{name}, 1e-3 m²" for name in SHOWN]

@@ -93,7 +93,7 @@ def answer(campaign: Campaign, name: str, found: soft.SoftFit) -> Tried:
 
 def plane(campaign: Campaign) -> float:
     """a_z, m."""
-    return float(np.mean([cable.a[2] for cable in campaign.robot.cables]))
+    return campaign.robot.attachment_plane
 
 
 def main() -> None:

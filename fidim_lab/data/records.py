@@ -180,6 +180,11 @@ class Robot:
         return len(self.cables)
 
     @property
+    def attachment_plane(self) -> float:
+        """Mean a_z, m: s_z is known only relative to it (gauge)."""
+        return float(np.mean([cable.a[2] for cable in self.cables]))
+
+    @property
     def freedoms(self) -> int:
         """λ = 6 − n."""
         return 6 - self.n

@@ -119,7 +119,7 @@ def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Ch
         covariance=estimate.covariance,
         leave_one_out=estimate.leave_one_out,
         alone={a.window: a.values for a in estimate.alone},
-        attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
+        attachment_plane=campaign.robot.attachment_plane,
         freedoms=campaign.robot.freedoms,
         scaling_effect=estimate.scaling_effect,
     )

@@ -12,7 +12,6 @@ from fidim_lab.identification.choice import soft_mode
 from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.equations import consistency
-from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.input_check import check
 from fidim_lab.identification.joint.cross import Cross, cross_predictions
 from fidim_lab.identification.joint.fit import FRICTION, Alone, alone, fit_jointly
@@ -21,7 +20,7 @@ from fidim_lab.identification.joint.sharing import Common, in_common
 from fidim_lab.identification.joint.words import answer, warnings
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
-from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
+from fidim_lab.identification.mle.findings import MISFIT, Figures, Told, doubtful
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, ResultOutcome, WindowVerdict
 from fidim_lab.model.sensitivity.equations import BODY
@@ -89,26 +88,16 @@ def identify_jointly(campaigns: Sequence[Campaign], *, native: bool = False, pre
     ended = _outcome(whole, figures)
     windows = _verdicts(common, whole, singles, cross)
     geometry = replace(_geometry(whole), encoders=anchors_by_encoders(common.campaigns, common.anchors))
-    result = IdentificationResult(
-        campaign=" + ".join(campaign.name for campaign in campaigns),
-        method=Method.MLE,
-        outcome=ended,
-        answer=answer(ended, whole, figures),
-        parameters=figures.parameters,
-        non_essential=figures.non_essential,
-        sigma_W=None,
-        C=None,
-        windows=windows,
-        warnings=(*notes, *warnings(common, whole, geometry, cross)),
-        seconds=perf_counter() - begin,
+    told = Told(
+        ended,
+        answer(ended, whole, figures),
+        windows,
+        (*notes, *warnings(common, whole, geometry, cross)),
         noise_ratio=float(np.sqrt(whole.excess)),
-        covariance=figures.covariance,
-        leave_one_out=figures.leave_one_out,
-        attachment_plane=float(np.mean([cable.a[2] for cable in common.campaigns[0].robot.cables])),
-        freedoms=common.campaigns[0].robot.freedoms,
-        geometry=geometry,
-        removed=removed,
     )
+    together = " + ".join(campaign.name for campaign in campaigns)
+    result = figures.result(together, common.campaigns[0].robot, told, begin)
+    result = replace(result, geometry=geometry, removed=removed)
     names = tuple(campaign.name for campaign in campaigns)
     return JointResult(result, names, common.shared(), _dissipation(whole), cross)
 
@@ -194,7 +183,7 @@ def _verdicts(
                 found.append(_verdict(name, window.role, len(window.t), seen.rms, seen.chi2_per_dof))
             elif window.role is Role.IDENTIFY or seen is not None:
                 why = singles[k].found.unused.get(window.id, "it cannot be predicted" if seen is None else seen.why)
-                found.append(WindowVerdict(name, window.role, False, None, 0, None, None, None, None, (why,)))
+                found.append(WindowVerdict(name, window.role, used=False, notes=(why,)))
     return tuple(found)
 
 
@@ -204,5 +193,5 @@ def _fitted(name: str, role: Role, left: Remainder) -> WindowVerdict:
 
 def _verdict(name: str, role: Role, samples: int, rms: float, chi2_per_dof: float | None) -> WindowVerdict:
     return WindowVerdict(
-        name, role, True, "trajectory", samples, None, 1e3 * rms, chi2_per_dof, None, no_sigma=NO_SIGMA
+        name, role, True, "trajectory", samples, rms_mm=1e3 * rms, chi2_per_dof=chi2_per_dof, no_sigma=NO_SIGMA
     )

@@ -5,6 +5,7 @@ how the gyroscope sits and its scale, the drag that makes a pendulum die away, a
 usual one where the robot file states none, since rates alone do not show that it is off.
 """
 
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -14,7 +15,6 @@ from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.effects.dissipation.drag import AirDragLinear, RotationalDrag
 from fidim_lab.effects.geometry.gyroscope import GyroscopeMount
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.mle import findings, held_out
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.fit import Fit, fit
@@ -62,25 +62,14 @@ def identify_by_rates(campaign: Campaign, *, native: bool = False, predict: bool
     figures = figures_of(found, robot.nominal)
     geometry = told_geometry(surveyed)
     outcome = findings.outcome(found, figures, windows)
-    return IdentificationResult(
-        campaign=campaign.name,
-        method=Method.MLE,
-        outcome=outcome,
-        answer=findings.answer(outcome, found, figures, ""),
-        parameters=figures.parameters,
-        non_essential=figures.non_essential,
-        sigma_W=None,
-        C=None,
-        windows=windows,
-        warnings=(*geometry_warnings(surveyed, geometry), *findings.warnings(found, figures, windows)),
-        seconds=perf_counter() - begin,
+    told = findings.Told(
+        outcome,
+        findings.answer(outcome, found, figures, ""),
+        windows,
+        (*geometry_warnings(surveyed, geometry), *findings.warnings(found, figures, windows)),
         noise_ratio=float(np.sqrt(found.excess)),
-        covariance=figures.covariance,
-        leave_one_out=figures.leave_one_out,
-        attachment_plane=float(np.mean([cable.a[2] for cable in robot.cables])),
-        freedoms=robot.freedoms,
-        geometry=geometry,
     )
+    return replace(figures.result(campaign.name, robot, told, begin), geometry=geometry)
 
 
 def _verdict(window: Window, found: Fit, *, predict: bool) -> WindowVerdict:
@@ -91,9 +80,7 @@ def _verdict(window: Window, found: Fit, *, predict: bool) -> WindowVerdict:
     if window.id in found.unused:
         return _left_out(window, found.unused[window.id])
     if not predict:
-        return WindowVerdict(
-            window.id, window.role, True, None, len(window.t), None, None, None, None, no_sigma=NO_SIGMA
-        )
+        return WindowVerdict(window.id, window.role, used=True, samples=len(window.t), no_sigma=NO_SIGMA)
     try:
         mechanism = found.likelihood.mechanism
         recording = prepare(window, mechanism.robot, rates=True)
@@ -107,7 +94,7 @@ NO_SIGMA = "a gyroscope shows no pose, without which there are no equations of m
 
 
 def _left_out(window: Window, why: str) -> WindowVerdict:
-    return WindowVerdict(window.id, window.role, False, None, 0, None, None, None, None, (why,))
+    return WindowVerdict(window.id, window.role, used=False, notes=(why,))
 
 
 def _judged(window: Window, left: Remainder, notes: tuple[str, ...]) -> WindowVerdict:
@@ -117,10 +104,7 @@ def _judged(window: Window, left: Remainder, notes: tuple[str, ...]) -> WindowVe
         used=True,
         variant=VARIANT,
         samples=len(left.t),
-        sigma_perp=None,
-        rms_mm=None,
         chi2_per_dof=left.chi2_per_dof,
-        conditioning=None,
         notes=notes,
         no_sigma=NO_SIGMA,
     )

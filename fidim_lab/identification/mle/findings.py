@@ -1,13 +1,15 @@
 """A trajectory fit in words: outcome, answer, warnings. No number is computed here except for comparison."""
 
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Robot, Role
 from fidim_lab.identification.cleaning.free_motion import were_used, window_count
 from fidim_lab.identification.equations import consistency, tls
+from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle.dissipated import lost_energy
@@ -45,6 +47,18 @@ CONTRADICTION_MM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
+class Told:
+    """What is said of a fit beside its parameters."""
+
+    outcome: ResultOutcome
+    answer: ShortAnswer
+    windows: tuple[WindowVerdict, ...]
+    warnings: tuple[str, ...]
+    noise_ratio: float
+    """what is left over what noise alone leaves"""
+
+
+@dataclass(frozen=True, eq=False)
 class Figures:
     """The nine parameters with every kind of uncertainty."""
 
@@ -59,6 +73,23 @@ class Figures:
     def body(self) -> Body:
         """The body of the parameters."""
         return Body.from_vector(np.array([parameter.value for parameter in self.parameters.values()]))
+
+    def result(self, campaign: str, robot: Robot, told: Told, begin: float) -> IdentificationResult:
+        """As a result by maximum likelihood, of markers, rates or periods. begin: by `perf_counter`, s."""
+        return IdentificationResult(
+            campaign=campaign,
+            method=Method.MLE,
+            **vars(told),
+            parameters=self.parameters,
+            non_essential=self.non_essential,
+            sigma_W=None,
+            C=None,
+            seconds=perf_counter() - begin,
+            covariance=self.covariance,
+            leave_one_out=self.leave_one_out,
+            attachment_plane=robot.attachment_plane,
+            freedoms=robot.freedoms,
+        )
 
     @property
     def unseen(self) -> tuple[str, ...]:

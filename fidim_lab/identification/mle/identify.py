@@ -15,7 +15,6 @@ from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.identification.equations import total_least_squares
 from fidim_lab.identification.equations.estimate import Estimate
-from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.problem import Problem, build
 from fidim_lab.identification.mle import findings, held_out
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
@@ -83,27 +82,17 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     geometry = replace(told_geometry(surveyed), encoders=anchors_by_encoders([campaign]))
     outcome = findings.outcome(found, figures, windows)
     lacks = findings.cause(found, surveyed.exact)
-    return IdentificationResult(
-        campaign=campaign.name,
-        method=Method.MLE,
-        outcome=outcome,
-        answer=findings.answer(outcome, found, figures, lacks),
-        parameters=figures.parameters,
-        non_essential=figures.non_essential,
+    told = findings.Told(
+        outcome,
+        findings.answer(outcome, found, figures, lacks),
+        windows,
+        (*touched, *geometry_warnings(surveyed, geometry), *findings.warnings(found, figures, windows)),
+        noise_ratio=float(np.sqrt(found.excess)),
+    )
+    return replace(
+        figures.result(campaign.name, campaign.robot, told, begin),
         sigma_W=side.estimate.sigma_W if isinstance(side, _Side) else None,
         C=side.estimate.C if isinstance(side, _Side) else None,
-        windows=windows,
-        warnings=(
-            *touched,
-            *geometry_warnings(surveyed, geometry),
-            *findings.warnings(found, figures, windows),
-        ),
-        seconds=perf_counter() - begin,
-        noise_ratio=float(np.sqrt(found.excess)),
-        covariance=figures.covariance,
-        leave_one_out=figures.leave_one_out,
-        attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
-        freedoms=campaign.robot.freedoms,
         geometry=None if soft is not None else geometry,
         cause=lacks,
     )
@@ -202,7 +191,7 @@ def _verdict(
     if held is None:
         return _unpredicted(window, found, side)
     if isinstance(held, str):
-        return WindowVerdict(window.id, window.role, False, None, 0, None, None, None, None, (held,))
+        return WindowVerdict(window.id, window.role, used=False, notes=(held,))
     left = held.remainder
     prediction = _predicted(found, held.journey.optimum.simulation, 0, left)
     return _judged(window, left, prediction, findings.journey_notes(held.journey, 0), found, side)
@@ -214,7 +203,14 @@ def _unpredicted(window: Window, found: Fit, side: _Side | str) -> WindowVerdict
     sigma = None if epsilon is None else validation.sigma_perp(epsilon)
     samples = int(np.isfinite(window.markers).any(axis=(1, 2)).sum())
     return WindowVerdict(
-        window.id, window.role, True, None, samples, sigma, None, None, conditioning, (), epsilon, no_sigma=why
+        window.id,
+        window.role,
+        used=True,
+        samples=samples,
+        sigma_perp=sigma,
+        conditioning=conditioning,
+        residual=epsilon,
+        no_sigma=why,
     )
 
 

@@ -221,16 +221,16 @@ class WindowVerdict:
     id: str
     role: Role
     used: bool
-    variant: str | None
+    variant: str | None = None
     """how its motion was measured; None where it was not used"""
-    samples: int
+    samples: int = 0
     """usable samples"""
-    sigma_perp: float | None
+    sigma_perp: float | None = None
     """σ⊥ (Eq. 50), m/s² with the default rows"""
-    rms_mm: float | None
+    rms_mm: float | None = None
     """of the trajectory predicted from its fitted initial state; None where that failed or was not asked for"""
-    chi2_per_dof: float | None
-    conditioning: float | None
+    chi2_per_dof: float | None = None
+    conditioning: float | None = None
     """worst of the free coordinates used"""
     notes: tuple[str, ...] = ()
     residual: Residual | None = None

@@ -72,4 +72,4 @@ def _judge(problem: Problem, equations: WindowEquations, estimate: Estimate, che
 
 def _unused(unused: UnusedWindow) -> WindowVerdict:
     window = unused.window
-    return WindowVerdict(window.id, window.role, False, None, 0, None, None, None, None, (unused.reason,))
+    return WindowVerdict(window.id, window.role, used=False, notes=(unused.reason,))

@@ -17,8 +17,7 @@ from scipy.stats import chi2
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.equations import consistency
-from fidim_lab.identification.equations.estimators import Method
-from fidim_lab.identification.mle.findings import Figures, doubtful
+from fidim_lab.identification.mle.findings import Figures, Told, doubtful
 from fidim_lab.identification.mle.geometry import with_geometry
 from fidim_lab.identification.mle.periods.model import UNNOTED, PeriodModel
 from fidim_lab.identification.mle.periods.period_words import CHANCE, Agreement, answer, usual_mistakes, warnings
@@ -105,31 +104,22 @@ def identify_by_periods(campaign: Campaign) -> IdentificationResult:
     )
     outcome = _outcome(figures, judged)
     mends = _mends(known, x, judged.chi2) if judged.clear else ()
-    return IdentificationResult(
-        campaign=campaign.name,
-        method=Method.MLE,
-        outcome=outcome,
-        answer=answer(outcome, figures, judged, campaign.periods, mends),
-        parameters=figures.parameters,
-        non_essential=(),
-        sigma_W=None,
-        C=None,
-        windows=tuple(
+    told = Told(
+        outcome,
+        answer(outcome, figures, judged, campaign.periods, mends),
+        tuple(
             WindowVerdict(
-                id=f"{k} {one.name}",
-                role=Role.IDENTIFY,
+                f"{k} {one.name}",
+                Role.IDENTIFY,
                 used=True,
                 variant=VARIANT,
                 samples=one.swings,
-                sigma_perp=None,
-                rms_mm=None,
                 chi2_per_dof=float(judged.pulls[k - 1] ** 2),
-                conditioning=None,
                 no_sigma=NO_SIGMA,
             )
             for k, one in enumerate(campaign.periods, start=1)
         ),
-        warnings=warnings(
+        warnings(
             campaign.periods,
             open_combinations(figures.covariance, known.width, PARAMETER_NAMES),
             rivals,
@@ -137,12 +127,9 @@ def identify_by_periods(campaign: Campaign) -> IdentificationResult:
             UNNOTED,
             unsurveyed=robot.survey is None,
         ),
-        seconds=perf_counter() - begin,
-        noise_ratio=judged.ratio,
-        covariance=figures.covariance,
-        attachment_plane=float(np.mean([cable.a[2] for cable in robot.cables])),
-        freedoms=robot.freedoms,
+        judged.ratio,
     )
+    return figures.result(campaign.name, robot, told, begin)
 
 
 def _with_geometry(known: _Known, x: np.ndarray, sd: np.ndarray) -> _Known:
