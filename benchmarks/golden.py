@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.data.files.json_file import as_json
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.conclusion.explanation import finite
 from fidim_lab.mismatch.explain import explain
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -92,7 +92,7 @@ def answers(case: Small) -> dict[str, Any]:
         del table["seconds"]
     for row in explained["ranking"]:
         del row["forms"], row["lost"]  # of the same effects and figures, for people
-    whole = json.loads(json.dumps(finite({"explanation": explained, "results": found})))
+    whole = as_json({"explanation": explained, "results": found})
     return _rounded(whole)
 
 

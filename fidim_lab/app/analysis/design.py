@@ -1,6 +1,5 @@
 """`fidim design`: the excitation that tells most (paper §4), as a plan, a table, JSON and a picture."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.app.terminal.windows_table import windows_table
 from fidim_lab.app.terminal.working import Working
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Plan, PlannedWindow, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -115,14 +115,14 @@ def _studied(task: DesignTask, options: DesignOptions) -> int:
 
 
 def _write(found: Design, options: DesignOptions) -> None:
-    told = json.dumps(as_json(found), indent=1) + "\n"
+    told = as_json(found)
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         write_plan(options.out / "plan.toml", as_plan(found))
-        (options.out / "design.json").write_text(told, encoding="utf-8")
+        write_json(options.out / "design.json", told)
         write_picture(found, options.out / "equilibria.svg")
     if options.json_file is not None:  # may lie in the folder
-        options.json_file.write_text(told, encoding="utf-8")
+        write_json(options.json_file, told)
 
 
 def as_plan(found: Design) -> Plan:
@@ -147,7 +147,7 @@ def as_json(found: Design) -> dict[str, object]:
         "value": found.value,
         "starts": [
             {
-                "C" if found.task.criterion is Criterion.C else "value": _finite(one.value),
+                "C" if found.task.criterion is Criterion.C else "value": one.value,
                 "seconds": round(one.seconds, 3),
             }
             for one in found.starts
@@ -190,10 +190,6 @@ def _conditionings(found: Design) -> np.ndarray:
         xi = mechanism.structure_matrix(positions, rotations)
         worst.append(float(conditioning(xi, marker_selector(rotations, robot.marker, found.task.axes)).max()))
     return np.array(worst)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _print(found: Design, options: DesignOptions) -> None:

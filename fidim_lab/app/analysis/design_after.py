@@ -1,6 +1,5 @@
 """`fidim design --after FILE`: what to record next, after an explanation or a result."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.windows_table import windows_table
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Plan, PlannedWindow, Role
 from fidim_lab.errors import FileError, SetupError
@@ -180,14 +180,13 @@ def _plan(campaign: Campaign, windows: Sequence[np.ndarray]) -> Plan:
 
 
 def _write(options: AfterOptions, plan: Plan, table: dict[str, object]) -> None:
-    told = json.dumps(table, indent=1) + "\n"
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
-        (options.out / ANSWER).write_text(told, encoding="utf-8")
+        write_json(options.out / ANSWER, table)
         if plan.windows:
             write_plan(options.out / PLAN, plan)
     if options.json_file is not None:  # may lie in the folder
-        options.json_file.write_text(told, encoding="utf-8")
+        write_json(options.json_file, table)
 
 
 def _print(found: _Next, plan: Plan, options: AfterOptions) -> None:

@@ -1,6 +1,5 @@
 """`fidim design --study`: C over the numbers of equilibria and samples, as a table, JSON and a plot."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from rich.table import Table
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.app.terminal.working import Working
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.identification.design.study import Cell, study
 from fidim_lab.identification.design.task import DesignTask
 
@@ -29,13 +29,13 @@ def study_command(
     """Compute, write and print the study; returns the exit code. Raises as `identification.design.study.study`."""
     with Working("study", starts) as shown, workers(processes, scheduler) as run:
         cells = study(task, starts, seed, run, lambda text: shown.update(f"study: {text}"))
-    told = json.dumps(_as_json(cells), indent=1) + "\n"
+    told = _as_json(cells)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "study.json").write_text(told, encoding="utf-8")
+        write_json(out / "study.json", told)
         write_study(cells, out / PICTURE)
     if json_file is not None:  # may lie in the folder
-        json_file.write_text(told, encoding="utf-8")
+        write_json(json_file, told)
     console.out.print(_table(cells))
     console.out.print(f"{starts} starts each, not polished; {np.median([c.seconds for c in cells]):.2f} s a start")
     return 0
@@ -67,7 +67,7 @@ def _as_json(cells: Sequence[Cell]) -> dict[str, object]:
         {
             "equilibria": cell.equilibria,
             "samples": cell.samples,
-            "C": [value if np.isfinite(value) else None for value in cell.values],
+            "C": cell.values,
             "seconds": round(cell.seconds, 3),
         }
         for cell in cells

@@ -143,27 +143,20 @@ def to_json(found: Registered) -> dict[str, object]:
         "chi2_per_dof": best.chi2_per_dof,
         "instants": len(found.sample.markers),
         "frame": {
-            "turn": place.turn.tolist(),
-            "shift": place.shift.tolist(),
-            "turn_sd": best.sd_turn.tolist(),
-            "shift_sd": best.sd_shift.tolist(),
+            "turn": place.turn,
+            "shift": place.shift,
+            "turn_sd": best.sd_turn,
+            "shift_sd": best.sd_shift,
         },
         "markers": {
             "numbers": [m + 1 for m in found.sample.numbers],
-            "at": place.body.tolist(),
-            "sd": best.sd_body.tolist(),
+            "at": place.body,
+            "sd": best.sd_body,
         },
-        "zeros": {"value": place.zeros.tolist(), "sd": best.sd_zeros.tolist()},
+        "zeros": {"value": place.zeros, "sd": best.sd_zeros},
         "left_rms": {
             "markers": [_rms(best.markers[:, m]) / 1e3 for m in range(best.markers.shape[1])],
             "lengths": [_rms(best.lengths[:, k]) / 1e3 for k in range(best.lengths.shape[1])],
         },
-        "anchors": [
-            {
-                "cable": one.cable,
-                "by": [None if np.isnan(x) else float(x) for x in one.by],
-                "chi2_per_dof": one.chi2_per_dof,
-            }
-            for one in found.suspects
-        ],
+        "anchors": [{"cable": one.cable, "by": one.by, "chi2_per_dof": one.chi2_per_dof} for one in found.suspects],
     }

@@ -4,7 +4,6 @@ Plan, hidden world and noise each have a random stream of the seed; two runs wit
 A campaign appears whole or not at all: it is written beside its place and then moved there.
 """
 
-import json
 import shutil
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import INDEX, refuse_taken, write_campaign
 from fidim_lab.data.design_file import read_plan_or_design
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, Robot, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -104,7 +104,7 @@ def run_simulate(options: SimulateOptions) -> tuple[Simulated, World]:
         done = _simulate(robot, platform, options)
         write_campaign(part, done.campaign, robot_comment=_comment(options))
         write_plan(part / PLAN, done.plan)
-        (part / TRUTH).write_text(json.dumps(done.truth, indent=1) + "\n", encoding="utf-8")
+        write_json(part / TRUTH, done.truth)
     return done, world
 
 

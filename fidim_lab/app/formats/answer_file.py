@@ -1,10 +1,10 @@
 """What `--json FILE` of a command writes: one object with its format, whole or not at all."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
 from fidim_lab.app.formats.run_spec import read_summary
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.errors import SetupError
 
 
@@ -12,10 +12,8 @@ def write_answer(path: Path | None, form: str, table: Mapping[str, object]) -> N
     """Write an answer of this format; nothing where nobody asked. Raises SetupError where it cannot be written."""
     if path is None:
         return
-    part = path.with_name(f"{path.name}.part")
     try:
-        part.write_text(json.dumps({"format": form, **table}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        part.replace(path)
+        write_json(path, {"format": form, **table})
     except OSError as error:
         what = f"--json {path}: cannot be written: {error.strerror or error}."
         raise SetupError(what, hint="Choose a folder that exists and is yours.") from error

@@ -5,7 +5,6 @@ motion capture with its decoder. Written when a run begins, and again when it ha
 """
 
 import asyncio
-import json
 import shutil
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from drivers.cia402.motion import Cia402Winch
 from drivers.mocap.decoders import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import DriveState, Rig
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.errors import DeviceError
 from procedures.recording.disk import disk_error
@@ -105,12 +105,10 @@ async def read_back(rig: Rig) -> Devices:
 def write_devices(folder: Path, devices: Devices) -> None:
     """The file, and the EDS files that its drives were read by. Raises HardwareError when the disk fails."""
     path = folder / DEVICES
-    part = path.with_name(f"{DEVICES}.part")
     try:
         for winch in devices.winches:
             _keep_eds(folder, winch.config)
-        part.write_text(json.dumps(_DEVICES.dump_python(devices, mode="json"), indent=1) + "\n", encoding="utf-8")
-        part.replace(path)
+        write_json(path, _DEVICES.dump_python(devices, mode="json"))
     except OSError as error:
         raise disk_error(path, error) from error
 

@@ -11,7 +11,7 @@ import numpy as np
 from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, WhereTable
 from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
-from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.parts import HeldOutFigures, LawTerm, Ranked
 from fidim_lab.mismatch.next_experiment.proposal import Claim
 from fidim_lab.mismatch.unknown_force.field import Field
@@ -87,7 +87,7 @@ class ExplanationTable(ExplanationPart):
 
 def as_file(explanation: Explanation) -> ExplanationTable:
     """What was just found, as its file will say it."""
-    return ExplanationTable.model_validate(finite(explanation.table))
+    return ExplanationTable.model_validate(explanation.table)
 
 
 def read_explanation(path: Path) -> ExplanationTable:

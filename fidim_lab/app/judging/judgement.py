@@ -11,7 +11,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from fidim_lab.app.formats.explanation_file import as_file, claims_of
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.design.task import DesignTask
@@ -156,7 +157,7 @@ def main(arguments: list[str]) -> int:
     except FidimError as error:
         sys.stderr.write(f"{error}\n")
         return error.exit_code
-    (folder / JUDGEMENT).write_text(json.dumps(asdict(found), indent=1) + "\n", encoding="utf-8")
+    write_json(folder / JUDGEMENT, found)
     return 0
 
 

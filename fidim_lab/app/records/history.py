@@ -5,7 +5,7 @@ Only what lies in the folders is read; a run that cannot be read is listed with 
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -73,8 +73,9 @@ def ls_command(folder: Path, json_file: Path | None, *, failures: bool) -> int:
     if failures and runs:
         for title, key in (("Steps that failed, over all runs", "steps"), ("Windows that were rejected", "rejected")):
             console.out.print(_statistic(title, _summed(runs, key)))
-    counted = {key: {name: list(pair) for name, pair in _summed(runs, key).items()} for key in ("steps", "rejected")}
-    write_answer(json_file, FORMAT, {"runs": [asdict(run) for run in runs], "failures": counted})
+    write_answer(
+        json_file, FORMAT, {"runs": runs, "failures": {key: _summed(runs, key) for key in ("steps", "rejected")}}
+    )
     return 0
 
 

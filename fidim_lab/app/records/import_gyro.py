@@ -1,6 +1,5 @@
 """`fidim import gyro`: from a phone's angular rates and a tape's lengths to a campaign folder."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 from fidim_lab.app.terminal import console
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.campaign import refuse_taken, write_campaign
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.importers.gyro_csv import RATE_UNITS, GyroRecording, read_gyro
 from fidim_lab.data.own_sensors import RATES
 from fidim_lab.data.records import Campaign, Robot, Role, Window
@@ -69,10 +69,8 @@ def import_gyro_command(files: Sequence[Path], out: Path, options: GyroOptions, 
     write_campaign(out, campaign, robot_comment=comment)
     _tell(parts, campaign, skipped, out)
     if json_file is not None:
-        said = [
-            {"file": one.path.name, "decided": list(one.decided), "swings": len(swings)} for one, _, swings in parts
-        ]
-        json_file.write_text(json.dumps({"files": said, "skipped": skipped}, indent=1) + "\n", encoding="utf-8")
+        said = [{"file": one.path.name, "decided": one.decided, "swings": len(swings)} for one, _, swings in parts]
+        write_json(json_file, {"files": said, "skipped": skipped})
     return 0
 
 

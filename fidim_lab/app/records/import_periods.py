@@ -1,12 +1,12 @@
 """`fidim import periods`: from tables of a stopwatch's or a light gate's times to a campaign folder."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from fidim_lab.app.records.import_gyro import taped_lengths
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import NO_RATE, refuse_taken, write_campaign
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.importers.periods_csv import read_periods
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.robot_file import read_robot
@@ -44,5 +44,5 @@ def import_periods_command(
     )
     if json_file is not None:
         said = [{"file": row.path.name, "line": row.line, "motion": row.period.motion or None} for row in rows]
-        json_file.write_text(json.dumps({"periods": said}, indent=1) + "\n", encoding="utf-8")
+        write_json(json_file, {"periods": said})
     return 0

@@ -6,7 +6,6 @@ Every estimate is made by the layer that owns it; here they are put in order. `r
 `import_command` is what the command line calls.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from fidim_lab.app.records.import_report import ImportReport, summary, table
 from fidim_lab.app.terminal import console
 from fidim_lab.arrays import Positions, Rotations
 from fidim_lab.data.campaign import refuse_taken, write_campaign
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.importers.recording import Recording
 from fidim_lab.data.importers.registry import read_recording
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
@@ -77,7 +77,7 @@ def run_import(kind: str, sources: Sequence[Path], out: Path) -> ImportReport:
     )
     report = ImportReport(recording, cluster, arrangements, chosen, hand_free, campaign, out)
     write_campaign(out, campaign, robot_comment=_comment(report))
-    (out / JOURNAL).write_text(json.dumps(table(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_json(out / JOURNAL, table(report))
     return report
 
 

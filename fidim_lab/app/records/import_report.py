@@ -9,6 +9,7 @@ from rich.table import Table
 
 from fidim_lab.app.terminal import console
 from fidim_lab.data.alignment import ClockOffset
+from fidim_lab.data.files.json_file import as_json
 from fidim_lab.data.importers.recording import Recording
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.rigid_body import ClusterShape
@@ -42,7 +43,7 @@ def table(report: ImportReport) -> dict[str, object]:
     """Everything that was found, as plain values in SI units."""
     recording, cluster, hand_free = report.recording, report.cluster, report.hand_free
     registration, balance = report.registration, report.hand_free.balance
-    return {
+    found = {
         "format": FORMAT,
         "kind": recording.kind,
         "name": recording.name,
@@ -54,29 +55,29 @@ def table(report: ImportReport) -> dict[str, object]:
         "cluster": {
             "markers": list(recording.markers.names),
             "rms": cluster.rms,
-            "rms_per_marker": _floats(cluster.rms_per_marker),
+            "rms_per_marker": cluster.rms_per_marker,
             "noise": cluster.noise,
             "frames_used": cluster.samples_used,
             "frames": len(recording.markers.t),
         },
         "registration": {
             "rms": registration.rms,
-            "rms_per_cable": _floats(registration.rms_per_cable),
+            "rms_per_cable": registration.rms_per_cable,
             "compliance": registration.compliance,
             "tilt": registration.tilt,
-            "world": _transform(report.registration.world.rotation, report.registration.world.translation),
-            "body": _transform(report.registration.body.rotation, report.registration.body.translation),
-            "lengths": _floats(registration.lengths),
+            "world": registration.world,
+            "body": registration.body,
+            "lengths": registration.lengths,
         },
         "arrangements": [_arrangement(evidence, evidence is report.chosen) for evidence in report.arrangements],
         "clock": {
-            "log_minus_markers": _clock(report.chosen.clock),
-            "by_inclinometer": _clock(report.chosen.inclinometer),
-            "by_load_cells": _clock(report.chosen.load_cells),
+            "log_minus_markers": report.chosen.clock,
+            "by_inclinometer": report.chosen.inclinometer,
+            "by_load_cells": report.chosen.load_cells,
         },
         "soft_directions": {
             "free_directions": balance.free_directions,
-            "singular_values": _floats(balance.singular_values),
+            "singular_values": balance.singular_values,
         },
         "windows": [
             {
@@ -91,6 +92,7 @@ def table(report: ImportReport) -> dict[str, object]:
         ],
         "too_short": [[found.begin, found.end] for found in hand_free.too_short],
     }
+    return as_json(found)
 
 
 def summary(report: ImportReport, out: Console) -> None:
@@ -166,16 +168,6 @@ def _milliseconds(clock: ClockOffset) -> str:
     return f"{clock.offset * 1e3:+.1f} ± {clock.sd * 1e3:.1f} ms"
 
 
-def _clock(clock: ClockOffset) -> dict[str, object]:
-    return {
-        "offset": clock.offset,
-        "sd": clock.sd,
-        "correlation": clock.correlation,
-        "per_channel": _floats(clock.per_channel),
-        "correlations": _floats(clock.correlations),
-    }
-
-
 def _arrangement(evidence: ArrangementEvidence, chosen: bool) -> dict[str, object]:
     return {
         "chosen": chosen,
@@ -186,11 +178,3 @@ def _arrangement(evidence: ArrangementEvidence, chosen: bool) -> dict[str, objec
         "power_explained_by_stretch": evidence.gain,
         "swivel_correlation": evidence.clock.correlation,
     }
-
-
-def _transform(rotation: np.ndarray, translation: np.ndarray) -> dict[str, object]:
-    return {"rotation": [_floats(row) for row in rotation], "translation": _floats(translation)}
-
-
-def _floats(values: np.ndarray) -> list[float]:
-    return [float(value) for value in values]

@@ -6,7 +6,6 @@ What was decided for each take is in import.json ("fidim-takes/1") and on screen
 there with the reason and never stops the others.
 """
 
-import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from fidim_lab.app.records.import_logs import compared, logged, without_log
 from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import OFF_RATE, write_campaign
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.importers.takes import Asked, Take, Takes
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
@@ -208,7 +208,7 @@ def _write(group: Takes, found: Sequence[TakeWindows], folder: Path) -> dict[str
         rate = group.asked.rate or median_low([one.take.markers.rate for one in found if one.windows])
         campaign = Campaign(group.name, group.robot, rate, tuple(windows))
         write_campaign(folder, campaign, robot_comment=f"Written by fidim import {group.kind} from its own geometry.")
-    (folder / JOURNAL).write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_json(folder / JOURNAL, table)
     return table
 
 

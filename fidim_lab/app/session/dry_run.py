@@ -4,7 +4,6 @@ The steps, drivers, protocols and identification are those of a real session; on
 real. A run folder is a campaign with journal, raw CAN log, truth and report beside it.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from fidim_lab.app.terminal.run_display import display
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.app.workflows.identify import run_identify
 from fidim_lab.data.campaign import ROBOT
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Body, Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -209,7 +209,7 @@ class _Rehearsal:
             return  # they are there
         write_plan(self.folder / PLAN, self._plan)
         truth = compose.world_truth(self.world, self._plan.name, self._spec.seed)
-        (self.folder / TRUTH).write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+        write_json(self.folder / TRUTH, truth)
         write_dry_run(self.folder, self._spec)
 
 

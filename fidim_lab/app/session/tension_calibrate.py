@@ -1,7 +1,6 @@
 """`fidim tension-calibrate`: gain, offset and friction band of each winch from a campaign, ready for the rig file."""
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -42,8 +41,7 @@ def tension_calibrate_command(campaign: Path, json_file: Path | None) -> int:
         "robot file; an error of 1 % in mass causes 1 % in gain.",
         markup=False,
     )
-    winches = [{k: _finite(v) for k, v in asdict(winch).items()} for winch in found]
-    write_answer(json_file, FORMAT, {"winches": winches})
+    write_answer(json_file, FORMAT, {"winches": found})
     return 1 if any(winch.problem for winch in found) else 0
 
 
@@ -105,7 +103,3 @@ def _line(number: int, winch: WinchCalibration) -> str:
             f"scatter = {winch.scatter:.2f}"
         )
     return f"winch {number}: tension = {{ {values} }}"
-
-
-def _finite(value: object) -> object:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -4,7 +4,6 @@ How far an identification is cannot be known, but how long the last one of as ma
 beside the built kernels, by what was done, for each unit of size. Without a terminal nothing is printed.
 """
 
-import json
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -16,6 +15,7 @@ from rich.text import Text
 
 from fidim_lab.app.terminal import console
 from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.errors import FileError
 from fidim_lab.model.native import cache_folder
 
@@ -69,9 +69,7 @@ class Working:
         kept = new if old is None else NEWEST * new + (1 - NEWEST) * old
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            part = self._file.with_name(f"{DURATIONS}.part")
-            part.write_text(json.dumps({**_read(self._file), self._what: round(kept, 3)}), encoding="utf-8")
-            part.replace(self._file)
+            write_json(self._file, {**_read(self._file), self._what: round(kept, 3)})
 
 
 class _Left(ProgressColumn):

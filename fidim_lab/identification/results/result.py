@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
+from fidim_lab.data.files.json_file import as_json
 from fidim_lab.data.files.mistakes import STRICT
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.cleaning.removed import Removed
@@ -199,9 +200,8 @@ class Geometry:
     @property
     def table(self) -> dict[str, Any]:
         """As spec/formats.md has it."""
-        moved = [{**vars(one), "by": list(one.by), "sd": list(one.sd)} for one in self.moved]
-        encoders = {"encoders": [vars(one) for one in self.encoders]} if self.encoders else {}
-        return {"chi2_gain": self.chi2_gain, "moved": moved, **encoders}
+        encoders = {"encoders": as_json(self.encoders)} if self.encoders else {}
+        return {"chi2_gain": self.chi2_gain, "moved": as_json(self.moved), **encoders}
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,7 +346,7 @@ class IdentificationResult:
                 for w in self.windows
             ],
             "geometry": None if self.geometry is None else self.geometry.table,
-            "removed": [{**vars(one), "t": list(one.t)} for one in self.removed],
+            "removed": as_json(self.removed),
             "seconds": round(self.seconds, 3),
         }
 

@@ -1,12 +1,12 @@
 """Result files, "fidim-result/1" (spec/formats.md): written by `identify --json`, read by `validate --parameters`."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.errors import FileError
@@ -171,9 +171,7 @@ def write_result(
     """
     further = {"mass": mass, "joint": joint, "tare": tare}
     table = {**result.to_json(), **{key: value for key, value in further.items() if value is not None}}
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_json(path, table)
 
 
 def read_result(path: Path) -> ResultTable:

@@ -1,6 +1,5 @@
 """The result of `explain`, and its file "fidim-explanation/1" (spec/formats.md)."""
 
-import json
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.data.files.json_file import as_json, write_json
 from fidim_lab.identification.results.result import Geometry, ShortAnswer
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, LawTerm, Ranked
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
@@ -145,58 +145,49 @@ class Explanation:
     @property
     def table(self) -> dict[str, Any]:
         """As spec/formats.md has it."""
-        return {
+        table = {
             "format": "fidim-explanation/1",
             "campaign": self.campaign,
-            "verdict": self.verdict.value,
+            "verdict": self.verdict,
             "effects": [_effect(effect) for effect in self.effects],
-            "where": [_place(place) for place in self.where],
-            "held_out": {"chi2_per_dof": vars(self.chi2_per_dof), "rms_mm": vars(self.rms_mm)},
-            "ranking": [{**vars(ranked), "effects": list(ranked.effects)} for ranked in self.ranking],
-            "parameters": {name: vars(value) for name, value in self.parameters.items()},
-            "parameters_before": {name: vars(value) for name, value in self.parameters_before.items()},
+            "where": self.where,
+            "held_out": HeldOutFigures(self.chi2_per_dof, self.rms_mm),
+            "ranking": self.ranking,
+            "parameters": self.parameters,
+            "parameters_before": self.parameters_before,
             "next_experiment": self.next_experiment,
             "message": self.message,
             "seconds": round(self.seconds, 2),
-            "untested": list(self.untested),
+            "untested": self.untested,
             "unknown": None if self.unknown is None else unknown_table(self.unknown),
-            "law": [{**vars(term), "parameters": _parameters(term.parameters)} for term in self.law],
+            "law": self.law,
             "geometry": None if self.geometry is None else self.geometry.table,
-            "test": None if self.test is None else self.test.table,
-            "readings": [_reading(one) for one in self.readings],
+            "test": self.test,
+            "readings": self.readings,
             **({} if self.answer is None else _parts(self.answer)),
         }
+        return as_json(table)
 
 
 def write_explanation(path: Path, explanation: Explanation) -> None:
-    """Write the file; numbers that are not finite become null."""
-    path.write_text(json.dumps(finite(explanation.table), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    """Write the file; numbers that are not finite become null. Raises OSError."""
+    write_json(path, explanation.table)
 
 
 def _effect(cause: NamedCause) -> dict[str, Any]:
     return {
         "id": cause.id,
         "cable": cause.cable,
-        "equivalent_to": list(cause.equivalent_to[:MOST_ALIKE]),
-        "further_equivalent": list(cause.equivalent_to[MOST_ALIKE:]),
-        "parameters": _parameters(cause.parameters),
+        "equivalent_to": cause.equivalent_to[:MOST_ALIKE],
+        "further_equivalent": cause.equivalent_to[MOST_ALIKE:],
+        "parameters": cause.parameters,
         "says": cause.says,
         "single": cause.single,
         "weight": cause.weights[0],
         "members": [
-            {**vars(one), "weight": weight, "parameters": _parameters(one.parameters)}
-            for one, weight in zip(cause.members, cause.weights[1:], strict=True)
+            {**vars(one), "weight": weight} for one, weight in zip(cause.members, cause.weights[1:], strict=True)
         ],
     }
-
-
-def _reading(reading: Reading) -> dict[str, Any]:
-    alike, parameters = list(reading.equivalent_to), _parameters(reading.parameters)
-    return {**vars(reading), "equivalent_to": alike, "parameters": parameters}
-
-
-def _parameters(parameters: dict[str, EffectParameter]) -> dict[str, Any]:
-    return {name: vars(value) for name, value in parameters.items()}
 
 
 def _parts(answer: ShortAnswer) -> dict[str, str]:
@@ -207,18 +198,3 @@ def _parts(answer: ShortAnswer) -> dict[str, str]:
         "not_told_apart": answer.not_known,
         "next": answer.next,
     }
-
-
-def _place(place: MismatchPlace) -> dict[str, Any]:
-    return {**vars(place), "t": list(place.t)}
-
-
-def finite(value: Any) -> Any:
-    """The same with null in the place of numbers that are none: JSON has no NaN."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

@@ -1,7 +1,6 @@
 """Parts of an Explanation that its file holds as they are: written and read as the same classes."""
 
 from dataclasses import dataclass
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,3 @@ class HeldOutFigures:
 
     chi2_per_dof: Before
     rms_mm: Before
-
-    @property
-    def table(self) -> dict[str, Any]:
-        """As spec/formats.md has it."""
-        return {"chi2_per_dof": vars(self.chi2_per_dof), "rms_mm": vars(self.rms_mm)}

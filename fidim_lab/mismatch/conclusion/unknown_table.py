@@ -20,14 +20,12 @@ DIGITS = 5
 def unknown_table(found: UnknownForce) -> dict[str, Any]:
     """Values that can be read without the program: numbers, strings, lists."""
     return {
-        "words": list(found.words),
-        "terms": [
-            {"label": term.label, "confirmed": term.confirmed, "words": list(term.words)} for term in found.terms
-        ],
+        "words": found.words,
+        "terms": [{"label": term.label, "confirmed": term.confirmed, "words": term.words} for term in found.terms],
         "explained": found.explained,
         "chi2_per_dof": {"before": found.before.chi2_per_dof, "after": found.after.chi2_per_dof},
         "rms_mm": {"before": 1e3 * found.before.rms, "after": 1e3 * found.after.rms},
-        "tried": [vars(one) for one in found.tried],
+        "tried": found.tried,
         "field": None if found.field is None else field_table(found.field.thinned(MOST_SAMPLES)),
     }
 

@@ -4,7 +4,6 @@
 `run_hook` are for whoever reads the morning after.
 """
 
-import json
 import os
 import subprocess
 from collections.abc import Callable
@@ -14,9 +13,10 @@ from typing import Any
 
 from drivers.ports import Clock
 from fidim_lab.app.formats.run_spec import HOOK_TIMEOUT, SUMMARY, RunSpec
+from fidim_lab.data.files.json_file import as_json, write_json
 from procedures.guards.guard import Observation
 from procedures.handlers.motion import move_to
-from procedures.report import RunReport, WindowRow
+from procedures.report import RunReport
 from procedures.settings import Reaction
 from procedures.stand import Stand
 from procedures.steps import MoveTo, Result
@@ -72,6 +72,10 @@ def local_time() -> time:
     return datetime.now().astimezone().time()
 
 
+IN_SUMMARY = ("id", "role", "outcome", "reason", "attempts")
+"""of each window"""
+
+
 def summary(report: RunReport) -> dict[str, Any]:
     """What came of a run, as JSON has it."""
     return {
@@ -86,25 +90,13 @@ def summary(report: RunReport) -> dict[str, Any]:
         "interrupted": report.interrupted,
         "seconds": round(report.seconds, 3),
         "accepted": len(report.accepted),
-        "windows": [_row(row) for row in report.windows],
-    }
-
-
-def _row(row: WindowRow) -> dict[str, Any]:
-    return {
-        "id": row.id,
-        "role": row.role.value,
-        "outcome": row.outcome.value,
-        "reason": row.reason,
-        "attempts": row.attempts,
+        "windows": [as_json({name: getattr(row, name) for name in IN_SUMMARY}) for row in report.windows],
     }
 
 
 def write_summary(folder: Path, report: RunReport) -> None:
     """summary.json, whole or not at all. Raises OSError."""
-    part = folder / f"{SUMMARY}.part"
-    part.write_text(json.dumps(summary(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    part.replace(folder / SUMMARY)
+    write_json(folder / SUMMARY, summary(report))
 
 
 def run_hook(spec: RunSpec, report: RunReport) -> str:

@@ -1,0 +1,36 @@
+"""Values as JSON files hold them: `as_json` makes plain ones of records and arrays, `write_json` keeps them."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def as_json(value: Any) -> Any:
+    """A value as JSON has it: records as objects, sequences and arrays as lists, null for numbers that are none."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Enum):
+        return value.value
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: as_json(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: as_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(one) for one in value]
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value whole or not at all. Raises OSError."""
+    part = path.with_name(f"{path.name}.part")
+    text = json.dumps(as_json(value), indent=1, ensure_ascii=False, allow_nan=False)
+    part.write_text(f"{text}\n", encoding="utf-8")
+    part.replace(path)
