@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.identification.phone import PhoneNoise, as_phyphox, draw_seat, record_phone
 from fidim_lab.app.records.import_gyro import GyroOptions, import_gyro_command
 from fidim_lab.app.workflows.identify import run_identify
 from fidim_lab.data.records import PARAMETER_NAMES, Body
 from fidim_lab.data.robot_file import read_robot
-from sim_backends.phone import PhoneNoise, as_phyphox, draw_seat, record_phone
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import World, make_world
 

@@ -16,6 +16,7 @@ from time import perf_counter
 
 import numpy as np
 
+from benchmarks.identification.stopwatch import WATCHED, WatchedPendulum
 from fidim_lab.app.records.import_periods import import_periods_command
 from fidim_lab.app.workflows.identify import run_identify
 from fidim_lab.data.records import PARAMETER_NAMES, Body
@@ -24,7 +25,6 @@ from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
 from sim_backends.plant.world import World, make_world
-from sim_backends.stopwatch import WATCHED, WatchedPendulum
 
 ROBOTS = Path(__file__).parents[2] / "examples" / "robots"
 LENGTHS = {"bifilar": ([2.38, 2.38], [1.88, 1.93]), "trifilar": ([2.0, 2.0, 2.0], [1.6, 1.65, 1.7])}

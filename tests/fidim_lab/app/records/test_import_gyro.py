@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.identification.phone import PhoneNoise, PhoneRecording, as_phyphox, as_sensor_logger, record_phone
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.own_sensors import angular_rates
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.identification.motion.free_swing import free_swings
-from sim_backends.phone import PhoneNoise, PhoneRecording, as_phyphox, as_sensor_logger, record_phone
 from sim_backends.plant.world import make_world
 
 ROBOT = Path(__file__).parents[4] / "examples" / "robots" / "bifilar.toml"
