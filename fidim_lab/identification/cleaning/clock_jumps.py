@@ -51,15 +51,17 @@ def _lost(window: Window, kept: Window) -> list[Removed]:
 
 def _cut_at_jumps(window: Window, robot: Robot) -> tuple[Window, list[str]]:
     """The longest part between jumps of the clock."""
-    jumps = [k for k in _gaps(window) if _clock_jumped(window, k, robot.sensors.marker_noise)]
+    rows = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))  # importers write blank rows into a gap
+    seen = window.of_rows(rows)
+    jumps = [k for k in _gaps(seen) if _clock_jumped(seen, k, robot.sensors.marker_noise)]
     if not jumps:
         return window, []
-    edges = [0, *(k + 1 for k in jumps), len(window.t)]
-    begin, end = max(itertools.pairwise(edges), key=lambda part: part[1] - part[0])
-    first = jumps[0]
+    first, last = max(itertools.pairwise([0, *(k + 1 for k in jumps), len(rows)]), key=lambda part: part[1] - part[0])
+    begin, end = int(rows[first]), int(rows[last - 1]) + 1
+    at = jumps[0]
     said = (
-        f"Window {window.id}: the time stamps jump by {window.t[first + 1] - window.t[first]:.3f} s at "
-        f"{window.t[first]:.2f} s, but the markers do not: the clock is wrong there"
+        f"Window {window.id}: the time stamps jump by {seen.t[at + 1] - seen.t[at]:.3f} s at "
+        f"{seen.t[at]:.2f} s, but the markers do not: the clock is wrong there"
         + (f" (and {len(jumps) - 1} times more)" if len(jumps) > 1 else "")
         + f". Only {window.t[begin]:.2f} to {window.t[end - 1]:.2f} s are used."
     )
@@ -93,8 +95,11 @@ def _clock_jumped(window: Window, k: int, noise: float) -> bool:
     usual = max(noise**2, quartic_misfit(steps[begin - BESIDE : k + 1], markers[begin - BESIDE : k + 1, whole]))
     steady = quartic_misfit(after, markers[begin:end, whole])
     stamped = quartic_misfit(steps[begin:end], markers[begin:end, whole])
-    # Over a long gap a quartic fits anything; that the motion goes on exactly where it was is then the evidence.
-    return steady < STEADY * usual and (gap > BESIDE or stamped > STAMPED * max(steady, usual))
+    # Over a long gap a quartic fits anything; that the motion goes on exactly where it was is then the evidence, if it
+    # is in motion there.
+    speed = np.abs(np.polyfit(after, markers[begin:end, whole], 1)[0]).max()
+    moves = gap > BESIDE and 2 * BESIDE * speed > STEADY * np.sqrt(usual)
+    return steady < STEADY * usual and bool(moves or stamped > STAMPED * max(steady, usual))
 
 
 def quartic_misfit(steps: np.ndarray, values: np.ndarray) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.importers.reading.cells import number
+from fidim_lab.data.importers.reading.clock_steps import without_steps
 from fidim_lab.errors import FileError
 
 HERTZ = re.compile(r"\s*hz\s*$", re.IGNORECASE)
@@ -99,25 +100,36 @@ def clocked(
     return times(path, said, fewer), said, f"The file's header says {said:g} Hz, its column of times {column:.5g} Hz"
 
 
-def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
-    """Times since the first one, s, and rate of stamps that increase in even steps, with gaps. Raises FileError."""
+def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, tuple[str, ...]]:
+    """Times since the first one (s) and rate of stamps that increase in even steps, with gaps; where a clock was set.
+
+    Raises FileError.
+    """
     steps = np.diff(t)
     if not np.isfinite(t).all() or (steps <= 0.0).any():
         if not np.isfinite(t).all():
             raise FileError(path, "time", f"sample {int(np.argmax(~np.isfinite(t))) + 1} has no time")
         k = int(np.argmax(steps <= 0.0))
-        same = (
-            "has the same time as the one before" if steps[k] == 0.0 else f"is {-steps[k]:.4g} s before the one above."
-        )
-        raise FileError(path, "time", f"sample {k + 2} {same}", hint=ONE_TAKE if steps[k] < 0.0 else "")
+        if steps[k] == 0.0:
+            raise FileError(path, "time", f"sample {k + 2} has the same time as the one before")
+        what = f"sample {k + 2} is {-steps[k]:.4g} s before the one above."
+        raise FileError(path, "time", what, hint=f"{ONE_TAKE} Where its clock was set back, cut the file there.")
     t = t - t[0]
-    rate = check_rate(path, float(1.0 / np.median(steps)))
-    for _ in range(3):  # each step alone is a whole number of them, also where the median of jittering ones is not one
-        rate = max(1.0, float(np.rint(steps * rate).sum())) / t[-1]
+    rate = _counted_rate(path, steps, float(1.0 / np.median(steps)))
+    t, said = without_steps(t, np.append(0.0, np.cumsum(np.rint(steps * rate))), SAME_RATE * float(t[-1]))
+    rate = _counted_rate(path, np.diff(t), rate)
     off = np.abs(t * rate - np.rint(t * rate))
     if off.max() > UNEVEN or (np.diff(np.rint(t * rate)) == 0.0).any():
         raise FileError(path, "time", f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering")
-    return check_long(path, t, rate), rate
+    return check_long(path, t, rate), rate, said
+
+
+def _counted_rate(path: Path, steps: np.ndarray, rate: float) -> float:
+    """Hz, from a first guess: each step alone is a whole number of them, also where their median is not one."""
+    rate = check_rate(path, rate)
+    for _ in range(3):
+        rate = max(1.0, float(np.rint(steps * rate).sum())) / float(steps.sum())
+    return rate
 
 
 def unit_by_steps(stamps: np.ndarray) -> str | None:

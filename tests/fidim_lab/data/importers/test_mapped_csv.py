@@ -71,6 +71,23 @@ def test_a_stamp_far_from_the_others_is_named(tmp_path: Path):
         read_mapped(*files(tmp_path, stamps))
 
 
+@pytest.mark.parametrize("by", [-4.0, 2.0, 4.0, 37.0])
+@pytest.mark.parametrize("at", [60, 600, 1100])
+def test_a_clock_that_is_set_while_samples_continue_leaves_the_rate_as_it_was(by: float, at: int, tmp_path: Path):
+    """As NTP sets a computer's clock; by 4 ms an inertia was wrong by 50 stated standard deviations."""
+    rows = np.arange(1151)
+    log = read_mapped(*files(tmp_path, 1_767_225_600_123.0 + 10.0 * rows + by * (rows >= at)))
+    assert log.rate == pytest.approx(100.0, rel=1e-6)
+    assert np.diff(log.t)[: at - 1] == pytest.approx(0.01)
+    assert any(f"stamps step by {by:+.3g} ms at" in words for words in log.decided)
+
+
+def test_stamps_that_jitter_or_are_rounded_are_of_no_clock_that_was_set(tmp_path: Path):
+    rng = np.random.default_rng(5)
+    for stamps in (10.0 * np.arange(1151) + rng.normal(size=1151) / 2, np.round(1e3 * np.arange(1151) / 120)):
+        assert not any("clock" in words for words in read_mapped(*files(tmp_path, 1.7e12 + stamps)).decided)
+
+
 def test_seconds_and_nanoseconds_are_one_stamp(tmp_path: Path):
     text = MAP.replace('time_unit = "ms"', 'nanoseconds = "part"').replace('"stamp"', '"whole"')
     (tmp_path / "map.toml").write_text(text, encoding="utf-8")
