@@ -1,6 +1,7 @@
 """Two rates near each other: the header's and that of the time stamps, or 60 Hz and 59.94. Which one is right?
 
 Cameras that follow video take 60/1.001 frames, and programs call that 60: times made of such a header say nothing. A
+rate of 99.95 Hz is that of a computer's clock which is off (NTP sets it right by 5e-4), if the cameras take 100. A
 clock that runs a thousandth fast is a gravity that is two thousandths too large: mostly the body, or a geometry that is
 left open, takes it up, and nothing shows. So both are fitted. Where one explains the recordings better beyond chance,
 it leads; else the standard deviations are widened to hold both answers, and it is said.
@@ -24,6 +25,10 @@ AGREE = 0.25
 VIDEO = (24.0, 30.0, 48.0, 60.0, 120.0, 240.0)
 """Hz, that may stand for 1.001 times less"""
 SLOWER = 1.001
+SET_RIGHT = 1e-3
+"""of a rate, within which a clock may be off: a computer's own by 1e-4, one that is being set right by 5e-4 more"""
+FIGURES = 2
+"""of a rate that cameras are set to: 50, 100, 120, 240 Hz"""
 CERTAIN = 25.0
 """χ² by which one must lead: odds of 10⁵, as many windows are looked at"""
 
@@ -35,10 +40,10 @@ class TwoClocks:
     stamps: float
     """Hz, by the stamps"""
     header: float
-    """Hz, by campaign.toml"""
+    """Hz, by campaign.toml, or the even one nearby"""
     says: str
     """for people"""
-    video: bool = False
+    by_rate: bool = False
     """whether only the rate itself raises the doubt"""
 
     def nearest(self, rate: float) -> float:
@@ -56,13 +61,22 @@ def two_clocks(campaign: Campaign) -> TwoClocks | None:
     off = float(np.median(ratios)) - 1
     rate = campaign.sample_rate
     if np.abs(ratios - 1).max() < SAME:
-        video = next((one for one in VIDEO if abs(rate / one - 1) < SAME), None)
-        says = f"{rate:.6g} Hz may stand for {rate / SLOWER:.6g}, which cameras that follow video take."
-        return None if video is None else TwoClocks(rate / SLOWER, rate, says, video=True)
+        return _of_the_rate(rate)
     if not SAME < abs(off) < OTHER or np.abs(ratios - 1 - off).max() > AGREE * abs(off):
         return None
     says = f"The time stamps say {rate / (1 + off):.6g} Hz, campaign.toml says {rate:.6g} Hz."
     return TwoClocks(rate / (1 + off), rate, says)
+
+
+def _of_the_rate(rate: float) -> TwoClocks | None:
+    """Where the rate itself, Hz, raises a doubt: one of video, or one that only a clock that is off makes uneven."""
+    if any(abs(rate / one - 1) < SAME for one in VIDEO):
+        says = f"{rate:.6g} Hz may stand for {rate / SLOWER:.6g}, which cameras that follow video take."
+        return TwoClocks(rate / SLOWER, rate, says, by_rate=True)
+    even = round(rate, FIGURES - 1 - int(np.floor(np.log10(rate))))
+    if not SAME < abs(even / rate - 1) < SET_RIGHT:
+        return None
+    return TwoClocks(rate, even, f"{rate:.6g} Hz may be {even:g} Hz by a clock that is off.", by_rate=True)
 
 
 def _whole(t: np.ndarray) -> bool:
@@ -96,7 +110,7 @@ def by_both(
     for lead, least, why in leads:
         if abs(lead) > least:
             better, rate = (second, other) if lead > 0 else (first, now)
-            if clocks.video and better is first:
+            if clocks.by_rate and better is first:
                 return first
             said += f"The recordings are explained better with {rate:.6g} Hz ({why.format(abs(lead))}): it is used."
             return replace(better, warnings=(said, *better.warnings))

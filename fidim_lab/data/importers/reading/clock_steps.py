@@ -31,8 +31,8 @@ def without_steps(t: Series, slots: Series, least: float) -> tuple[Series, tuple
         even = t - later @ np.linalg.lstsq(line, t, rcond=None)[0][2:]
     usual = float(np.median(np.diff(t)))
     return even, tuple(
-        f"stamps step by {1e3 * (t[at] - t[at - 1] - usual):+.3g} ms at {t[at] - t[0]:.2f} s and stay so, as of a "
-        "clock that was set (it is not a whole number of samples); the samples are taken as even"
+        f"stamps step by {1e3 * (t[at] - t[at - 1] - usual):+.3g} ms at {t[at] - t[0]:.2f} s and stay so, which is not "
+        "a whole number of samples: a clock was set there, and the samples are taken as even"
         for at in sorted(rows)
     )
 

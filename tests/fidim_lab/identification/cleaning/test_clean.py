@@ -330,6 +330,17 @@ def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(record
     assert "The time stamps say 99.9001 Hz, campaign.toml says 100 Hz" in " ".join(found.warnings)
 
 
+def test_a_rate_that_a_clock_makes_uneven_widens_or_is_decided(recorded: Make, true_body: Body):
+    """Stamps of a computer whose clock is being set right: no header says that the cameras took 100 Hz."""
+    campaign = recorded(noise=NOISE, cluster=True)
+    windows = tuple(replace(w, t=1.0005 * w.t) for w in campaign.windows)
+    found = identify(replace(campaign, sample_rate=100 / 1.0005, windows=windows), Method.MLE)
+    errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
+    assert max(errors) < 3.5
+    assert found.outcome.answers
+    assert "99.95 Hz may be 100 Hz by a clock that is off" in " ".join(found.warnings)
+
+
 @pytest.mark.parametrize("taken", [60.0, 60.0 / 1.001])
 def test_sixty_frames_may_be_those_of_video(recorded: Make, true_body: Body, taken: float):
     """A header of 60 Hz: the body was 20 stated ± off, and the geometry called wrong, where cameras took 59.94."""
