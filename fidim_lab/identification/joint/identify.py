@@ -20,7 +20,7 @@ from fidim_lab.identification.joint.sharing import Common, in_common
 from fidim_lab.identification.joint.words import answer, warnings
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
-from fidim_lab.identification.mle.findings import MISFIT, Figures, Told, doubtful
+from fidim_lab.identification.mle.findings import MISFIT, Figures, FitAnswer, doubtful
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, ResultOutcome, WindowVerdict
 from fidim_lab.model.sensitivity.equations import BODY
@@ -88,7 +88,7 @@ def identify_jointly(campaigns: Sequence[Campaign], *, native: bool = False, pre
     ended = _outcome(whole, figures)
     windows = _verdicts(common, whole, singles, cross)
     geometry = replace(_geometry(whole), encoders=anchors_by_encoders(common.campaigns, common.anchors))
-    told = Told(
+    told = FitAnswer(
         ended,
         answer(ended, whole, figures),
         windows,

@@ -62,7 +62,7 @@ def identify_by_rates(campaign: Campaign, *, native: bool = False, predict: bool
     figures = figures_of(found, robot.nominal)
     geometry = told_geometry(surveyed)
     outcome = findings.outcome(found, figures, windows)
-    told = findings.Told(
+    told = findings.FitAnswer(
         outcome,
         findings.answer(outcome, found, figures, ""),
         windows,

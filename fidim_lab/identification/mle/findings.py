@@ -47,7 +47,7 @@ CONTRADICTION_MM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class FitAnswer:
     """What is said of a fit beside its parameters."""
 
     outcome: ResultOutcome
@@ -74,7 +74,7 @@ class Figures:
         """The body of the parameters."""
         return Body.from_vector(np.array([parameter.value for parameter in self.parameters.values()]))
 
-    def result(self, campaign: str, robot: Robot, told: Told, begin: float) -> IdentificationResult:
+    def result(self, campaign: str, robot: Robot, told: FitAnswer, begin: float) -> IdentificationResult:
         """As a result by maximum likelihood, of markers, rates or periods. begin: by `perf_counter`, s."""
         return IdentificationResult(
             campaign=campaign,

@@ -82,7 +82,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     geometry = replace(told_geometry(surveyed), encoders=anchors_by_encoders([campaign]))
     outcome = findings.outcome(found, figures, windows)
     lacks = findings.cause(found, surveyed.exact)
-    told = findings.Told(
+    told = findings.FitAnswer(
         outcome,
         findings.answer(outcome, found, figures, lacks),
         windows,

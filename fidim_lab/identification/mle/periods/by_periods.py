@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.equations import consistency
-from fidim_lab.identification.mle.findings import Figures, Told, doubtful
+from fidim_lab.identification.mle.findings import Figures, FitAnswer, doubtful
 from fidim_lab.identification.mle.geometry import with_geometry
 from fidim_lab.identification.mle.periods.model import UNNOTED, PeriodModel
 from fidim_lab.identification.mle.periods.period_words import CHANCE, Agreement, answer, usual_mistakes, warnings
@@ -104,7 +104,7 @@ def identify_by_periods(campaign: Campaign) -> IdentificationResult:
     )
     outcome = _outcome(figures, judged)
     mends = _mends(known, x, judged.chi2) if judged.clear else ()
-    told = Told(
+    told = FitAnswer(
         outcome,
         answer(outcome, figures, judged, campaign.periods, mends),
         tuple(
