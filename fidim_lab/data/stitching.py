@@ -106,9 +106,19 @@ def _found(places: np.ndarray, before: np.ndarray, shape: MarkerShape, near: flo
     if np.isfinite(misfit[0]):
         expected = position[0] + shape @ rotation[0].T
         assigned = _assigned(points, expected, near)
-        if _fits(assigned, shape, FITS * near):
-            return assigned
+        for tried in (assigned[None], _less_one(assigned)):
+            rms = fit_pose(tried, shape)[2]
+            if (rms <= FITS * near).any():
+                return tried[np.nanargmin(rms)]
     return _by_distances(points, shape, near)
+
+
+def _less_one(assigned: np.ndarray) -> np.ndarray:
+    """(K, B, 3) without each marker in turn, as long as the others show a pose: one that is off is no other marker."""
+    there = np.flatnonzero(np.isfinite(assigned[:, 0]))
+    fewer = np.repeat(assigned[None], len(there) if len(there) > FEWEST else 0, axis=0)
+    fewer[np.arange(len(fewer)), there[: len(fewer)]] = np.nan
+    return fewer
 
 
 def _assigned(points: np.ndarray, expected: np.ndarray, near: float) -> np.ndarray:

@@ -58,3 +58,18 @@ def test_a_shape_that_tells_nothing_apart_is_left_in_doubt():
     markers = np.tile(square + 1.0, (60, 1, 1))
     markers[0] = markers[0][[1, 0, 2, 3]]
     assert (stitch(markers, markers, square).markers[0] == markers[0]).all()
+
+
+def test_a_marker_that_is_off_gives_no_other_its_name():
+    """Of a shape that is nearly its own turned image, one displaced marker makes exchanged names fit, too."""
+    rng, t = np.random.default_rng(3), np.arange(400) / 100.0
+    shape = np.array([[0.1, 0.1, 0], [-0.1, 0.1, 0.01], [-0.1, -0.11, 0], [0.1, -0.1, 0.02]])
+    turn = Rotation.from_rotvec(np.column_stack([0.3 * np.sin(3 * t), 0.2 * np.cos(5 * t), 0.2 * t])).as_matrix()
+    markers = np.einsum("nij,mj->nmi", turn, shape) + np.column_stack([0.1 * np.sin(6 * t), t, 1.0 + 0 * t])[:, None]
+    spoilt = markers.copy()
+    off = np.arange(10, 400, 10)
+    away = rng.normal(size=(len(off), 3))
+    spoilt[off, 1] += rng.uniform(0.012, 0.028, (len(off), 1)) * away / np.linalg.norm(away, axis=1)[:, None]
+    found = stitch(spoilt, spoilt, shape).markers
+    assert found[:, [0, 2, 3]] == pytest.approx(markers[:, [0, 2, 3]])
+    assert np.isfinite(found[:, 1]).all(axis=1).sum() <= 400 - len(off) // 2
