@@ -22,13 +22,7 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.candidates import candidate, improves
-from fidim_lab.mismatch.selection.general_geometry import (
-    first_look,
-    instead_of_a_search,
-    most_of_effects,
-    opened,
-    rival,
-)
+from fidim_lab.mismatch.selection.general_geometry import FirstLook, most_of_effects, opened, rival
 from fidim_lab.mismatch.selection.select import Selection, select
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
@@ -94,11 +88,11 @@ class Rounds:
     def reached(self, cleaned: Cleaned) -> Reached:
         """All rounds of a cleaned campaign. Raises RefusedError where no window can be fitted at all."""
         recorded = self.fitted(cleaned.campaign)
-        seen = first_look(recorded)
-        right = self._instead_of_effects(cleaned, recorded, seen)
+        look = FirstLook(recorded, self.say)
+        right = self._instead_of_effects(cleaned, look)
         if right is not None:
             return right.searched(recorded)
-        found = self.searched(cleaned, recorded, recorded, seen)
+        found = self.searched(cleaned, recorded, look)
         errors = self._beside_effects(found)
         if errors is None:
             return found
@@ -106,20 +100,19 @@ class Rounds:
         kept = again.last.found.best.is_white and again.last.unexplained <= found.last.unexplained
         return again if kept else found
 
-    def _instead_of_effects(self, cleaned: Cleaned, recorded: Baseline, seen: View | None) -> "_Right | None":
+    def _instead_of_effects(self, cleaned: Cleaned, look: FirstLook) -> "_Right | None":
         """The readings put right, where their errors take nearly all and effects or geometry say less.
 
         A wrong geometry makes lengths miss by another amount in every window too: an error counts only where it is
         evident beside an open geometry, and more so than any effect there.
         """
+        recorded, seen = look.exact, look.seen
         errors = reading_errors(recorded.fit, recorded.campaign, SHARED.enough)
         if errors is None or _effects_say_more(seen, errors):
             return None
         if not recorded.geometry:
-            general = None if seen is None else rival(seen)
-            open_fit = opened(recorded, 1.0 if general is None else general.factor, self.say)
-            beside = reading_errors(open_fit.fit, recorded.campaign, SHARED.enough)
-            if beside is None or _effects_say_more(first_look(open_fit), beside):
+            beside = reading_errors(look.opened.fit, recorded.campaign, SHARED.enough)
+            if beside is None or _effects_say_more(FirstLook(look.opened, self.say).seen, beside):
                 return None
             errors = errors if errors.kinds <= beside.kinds else beside
         right = self._put_right(cleaned, errors)
@@ -154,13 +147,10 @@ class Rounds:
             else replace(self, mechanism=ready(robot, native=self.mechanism.native))
         )
 
-    def searched(self, cleaned: Cleaned, recorded: Baseline, exact: Baseline, seen: View | None) -> Reached:
-        """Where the search ends, with the clocks and the geometry as they say most.
-
-        exact: the baseline of these windows. seen: all scores there, where it leaves more than noise.
-        """
-        surveyed = instead_of_a_search(exact, seen, self.say)
-        first, last = self._gone(cleaned, surveyed or exact, seen)
+    def searched(self, cleaned: Cleaned, recorded: Baseline, look: FirstLook) -> Reached:
+        """Where the search ends, with the clocks and the geometry as they say most. look: at these windows."""
+        exact, surveyed = look.exact, look.instead_of_a_search
+        first, last = self._gone(cleaned, surveyed or exact, look.seen if surveyed is None else None)
         if surveyed is None:
             first, last = self._with_geometry_open(cleaned, exact, first, last)
         return Reached(self.mechanism, recorded, exact, first, last)
@@ -269,7 +259,7 @@ class _Right:
 
     def searched(self, recorded: Baseline) -> Reached:
         """Where the search of it ends. recorded: the baseline of the campaign as it was recorded."""
-        found = self.rounds.searched(self.cleaned, recorded, self.exact, first_look(self.exact))
+        found = self.rounds.searched(self.cleaned, recorded, FirstLook(self.exact, self.rounds.say))
         return replace(found, errors=self.errors)
 
 

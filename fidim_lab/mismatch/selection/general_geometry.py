@@ -6,6 +6,7 @@ than any one or two effects; and after it, against the effects that were found, 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -45,10 +46,10 @@ class Rival:
 def rival(seen: View) -> Rival | None:
     """General geometry against the terms of the model that was looked at, to first order.
 
-    None where cables are springs: scores know no offsets beside these, or where its geometry is open already.
+    None where its geometry is open already.
     """
     model = seen.model
-    if model.mechanism.springs or model.has_open_geometry:
+    if model.has_open_geometry:
         return None
     problem, survey = _problem(seen)
     wide, count = prior_of(model.tried), len(prior_of(model.tried))
@@ -95,26 +96,43 @@ def _thetas(seen: View) -> list[np.ndarray]:
     return [seen.fit.values[seen.model.place_of(k)] for k in range(len(seen.model.tried))]
 
 
-def first_look(exact: Baseline) -> View | None:
-    """All scores at the model as it is, where that leaves more than noise; None where nothing is missing."""
-    is_white = candidate(exact.as_it_is, exact.predicted).is_white
-    return None if is_white else view(exact.as_it_is, exact.tried, exact.context)
+@dataclass(frozen=True, eq=False)
+class FirstLook:
+    """The model as it is, all scores there, and the same with its geometry open: each found once, where asked for."""
 
+    exact: Baseline
+    """with the geometry that the robot file states"""
+    say: Say
 
-def instead_of_a_search(exact: Baseline, seen: View | None, say: Say) -> Baseline | None:
-    """The same with its geometry open, where that alone leaves only noise and one or two effects say less, or None.
+    @cached_property
+    def seen(self) -> View | None:
+        """All scores, where the model leaves more than noise; None where nothing is missing."""
+        exact = self.exact
+        is_white = candidate(exact.as_it_is, exact.predicted).is_white
+        return None if is_white else view(exact.as_it_is, exact.tried, exact.context)
 
-    seen: what `first_look` saw.
-    """
-    if exact.campaign.robot.survey is not None or seen is None:
-        return None
-    general = rival(seen)
-    if general is None or general.temper > SHARED.near * seen.fit.noise_ratio**2:
-        return None
-    if general.best < most_of_effects(seen, general.temper) + ODDS:
-        return None
-    found = opened(exact, general.factor, say)
-    return found if candidate(found.as_it_is, found.predicted).is_white else None
+    @cached_property
+    def general(self) -> Rival | None:
+        """General geometry against the model as it is; None where nothing is missing, or it is open already."""
+        return None if self.seen is None else rival(self.seen)
+
+    @cached_property
+    def opened(self) -> Baseline:
+        """The same with its geometry open, as far off as is most likely."""
+        return opened(self.exact, 1.0 if self.general is None else self.general.factor, self.say)
+
+    @property
+    def instead_of_a_search(self) -> Baseline | None:
+        """With its geometry open, where that alone leaves only noise and one or two effects say less, or None."""
+        seen, general = self.seen, self.general
+        if self.exact.campaign.robot.survey is not None or seen is None or general is None:
+            return None
+        if general.temper > SHARED.near * seen.fit.noise_ratio**2:
+            return None
+        if general.best < most_of_effects(seen, general.temper) + ODDS:
+            return None
+        found = self.opened
+        return found if candidate(found.as_it_is, found.predicted).is_white else None
 
 
 def opened(exact: Baseline, factor: float, say: Say) -> Baseline:

@@ -13,7 +13,7 @@ from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.fitting.refit import refit
 from fidim_lab.mismatch.scores.views import view
-from fidim_lab.mismatch.selection.general_geometry import first_look, instead_of_a_search, rival
+from fidim_lab.mismatch.selection.general_geometry import FirstLook, rival
 
 
 def quiet(sentence: str) -> None:
@@ -41,7 +41,7 @@ def wrong(exact: Baseline) -> Baseline:
 
 @pytest.mark.slow
 def test_an_exact_file_has_no_rival(exact: Baseline) -> None:
-    assert first_look(exact) is None
+    assert FirstLook(exact, quiet).seen is None
     general = rival(view(exact.as_it_is, exact.tried, exact.context))
     assert general is not None
     assert general.best < -ODDS
@@ -49,7 +49,7 @@ def test_an_exact_file_has_no_rival(exact: Baseline) -> None:
 
 @pytest.mark.slow
 def test_a_file_off_as_surveys_are_is_opened_at_once(wrong: Baseline) -> None:
-    found = instead_of_a_search(wrong, first_look(wrong), quiet)
+    found = FirstLook(wrong, quiet).instead_of_a_search
     assert found is not None
     assert found.geometry
     assert found.as_it_is.is_white
@@ -62,7 +62,7 @@ def test_a_stated_survey_is_open_from_the_beginning(wrong: Baseline) -> None:
     found = fit_baseline(replace(wrong.campaign, robot=robot), native=True, say=quiet)
     assert {one.what for one in found.geometry} == {"anchor"}
     assert found.as_it_is.is_white
-    assert instead_of_a_search(found, view(found.as_it_is, found.tried, found.context), quiet) is None
+    assert FirstLook(found, quiet).instead_of_a_search is None
 
 
 @pytest.mark.slow
