@@ -84,7 +84,8 @@ def explain(
             whole, searched = _on_rigid_cables(whole, soft), audited.campaign
             common = partial(elastic, searched, soft)
         if soft is not None or not _has_law(whole, judged, audited):
-            whole = with_whole_motion(whole, searched, common, budget.for_whole_windows, say, without)
+            tried, longer = last.found.tried, budget.for_whole_windows
+            whole = with_whole_motion(whole, searched, common, tried, longer, say, without)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 

@@ -42,6 +42,8 @@ class Round:
     found: Selection
     retimed: bool = False
     """whether the cameras' clock was put right for it"""
+    surveyed: bool = False
+    """whether it was searched with an open geometry, too"""
 
     @property
     def unexplained(self) -> tuple[bool, float]:
@@ -118,7 +120,9 @@ class Rounds:
         right = self._put_right(cleaned, errors)
         if seen is None:
             return right
-        before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.exact))
+        before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.look.exact))
+        if not (after.is_white or recorded.geometry):  # what an open geometry takes as well is not theirs
+            before, after = (candidate(one.as_it_is, one.predicted) for one in (look.opened, right.look.opened))
         takes = after.is_white or after.whiteness.excess < SHARED.half * before.whiteness.excess
         return right if takes and improves(after, before, feeble=True) else None
 
@@ -137,7 +141,7 @@ class Rounds:
         self.say("lengths or cameras read differently between windows: fitting the corrected readings")
         right = replace(cleaned, campaign=errors.put_right(cleaned.campaign))
         rounds = self.of_robot(right.campaign.robot)
-        return _Right(rounds, right, rounds.fitted(right.campaign), errors)
+        return _Right(rounds, right, FirstLook(rounds.fitted(right.campaign), self.say), errors)
 
     def of_robot(self, robot: Robot) -> "Rounds":
         """The same of a robot whose sensors have another noise."""
@@ -150,19 +154,21 @@ class Rounds:
     def searched(self, cleaned: Cleaned, recorded: Baseline, look: FirstLook) -> Reached:
         """Where the search ends, with the clocks and the geometry as they say most. look: at these windows."""
         exact, surveyed = look.exact, look.instead_of_a_search
-        first, last = self._gone(cleaned, surveyed or exact, look.seen if surveyed is None else None)
+        first, last = self._gone(cleaned, surveyed or exact, seen=look.seen if surveyed is None else None)
         if surveyed is None:
             first, last = self._with_geometry_open(cleaned, exact, first, last)
         return Reached(self.mechanism, recorded, exact, first, last)
 
-    def _gone(self, cleaned: Cleaned, baseline: Baseline, seen: View | None = None) -> tuple[Round, Round]:
+    def _gone(
+        self, cleaned: Cleaned, baseline: Baseline, known: Completed | None = None, seen: View | None = None
+    ) -> tuple[Round, Round]:
         """As recorded, and as the clocks have it: the same where nothing is wrong with these.
 
-        seen: all scores at the baseline, where they are known.
+        known: a model that may leave only noise. seen: all scores at the baseline, where they are known.
         """
         audited = audit(cleaned, baseline, say=self.say)
         begun = baseline if audited is None else self.fitted(audited.campaign, baseline)
-        first = self._look(audited or cleaned, begun, seen=seen)
+        first = self._look(audited or cleaned, begun, known, seen)
         kept = restored(cleaned, first.cleaned, first.found.best.model, self.say)
         if kept is not None:
             all_put_back = kept.campaign.windows == cleaned.campaign.windows
@@ -186,23 +192,31 @@ class Rounds:
     ) -> Round:
         """Search; where it is broken off for pushes, cut these out and search again.
 
-        Where the windows without pushes leave structure too, the pushes were none: the last round that was broken off
-        is then searched to its end instead.
+        Where the geometry says more than any further effect, it is opened and searched so. Where the windows without
+        pushes leave structure too, the pushes were none: the last round that was broken off is then searched to its end
+        instead. So it is with the geometry, which stays open where it leaves less than half.
         """
         broken_off: list[Round] = []
-        found = select(baseline, self.say, known=known, budget=self.budget, seen=seen)
-        while found.pushes:
+        free = baseline.campaign.robot.survey is None and not baseline.geometry
+        found = select(baseline, self.say, known=known, budget=self.budget, seen=seen, geometry=free)
+        while found.pushes or found.opening is not None:
             broken_off.append(Round(cleaned, baseline, found))
-            cleaned = _without(cleaned, found.pushes, self.say)
-            baseline = self.fitted(cleaned.campaign, baseline)
+            known = found.best.model
+            if found.opening is not None:
+                known, free = found.opening.beside, False
+                baseline = opened(baseline, found.opening.factor, self.say)
+            else:
+                cleaned = _without(cleaned, found.pushes, self.say)
+                baseline = self.fitted(cleaned.campaign, baseline)
             more = len(broken_off) < MOST_CUTS
-            found = select(baseline, self.say, pushes=more, known=found.best.model, budget=self.budget)
+            found = select(baseline, self.say, pushes=more, known=known, budget=self.budget, geometry=free)
         reached = Round(cleaned, baseline, found)
         for before in reversed(broken_off):
             if reached.found.best.is_white or self.budget.is_spent:
                 break
             found = select(before.baseline, self.say, pushes=False, budget=self.budget)
-            reached = Round(before.cleaned, before.baseline, found)
+            again = Round(before.cleaned, before.baseline, found, surveyed=before.found.opening is not None)
+            reached = again if not again.surveyed or _takes_more(again, reached) else reached
         return reached
 
     def _by_the_right_clock(self, first: Round) -> Round:
@@ -228,7 +242,7 @@ class Rounds:
     def _with_geometry_open(self, cleaned: Cleaned, exact: Baseline, first: Round, last: Round) -> tuple[Round, Round]:
         """The rounds with an open geometry, where that says more than what was found and explains as much."""
         best = last.found.best
-        settled = best.is_white and not best.model.tried
+        settled = last.surveyed or (best.is_white and not best.model.tried)
         if settled or exact.campaign.robot.survey is not None or self.budget.is_spent:
             return first, last
         seen = last.found.last
@@ -236,15 +250,14 @@ class Rounds:
         if general is None or general.best < ODDS:
             return first, last
         noise = max(1.0, seen.fit.noise_ratio**2)  # what is foretold, and what was seen, are at least 1 as well
-        left = SHARED.half * (seen.projected.inflation - noise)
-        if not (best.is_white or general.temper - noise < left):
+        taken = seen.projected.inflation - general.temper
+        if not (best.is_white or taken > SHARED.some * (seen.projected.inflation - noise)):
             return first, last
-        again, end = self._gone(cleaned, opened(exact, general.factor, self.say))
+        again, end = self._gone(cleaned, opened(exact, general.factor, self.say), best.model)
         after = end.found.best
         if best.is_white or after.is_white:
             return (again, end) if end.unexplained <= last.unexplained else (first, last)
-        takes = after.whiteness.excess < SHARED.half * best.whiteness.excess
-        return (again, end) if takes else (first, last)
+        return (first, last) if _takes_more(last, end) else (again, end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,13 +267,19 @@ class _Right:
     rounds: Rounds
     """of the robot with the noise that was found"""
     cleaned: Cleaned
-    exact: Baseline
+    look: FirstLook
     errors: ReadingErrors
 
     def searched(self, recorded: Baseline) -> Reached:
         """Where the search of it ends. recorded: the baseline of the campaign as it was recorded."""
-        found = self.rounds.searched(self.cleaned, recorded, FirstLook(self.exact, self.rounds.say))
+        found = self.rounds.searched(self.cleaned, recorded, self.look)
         return replace(found, errors=self.errors)
+
+
+def _takes_more(exact: Round, surveyed: Round) -> bool:
+    """Whether a round with the robot file's geometry leaves only noise, or not twice what an open geometry leaves."""
+    best, other = exact.found.best, surveyed.found.best
+    return best.is_white or other.whiteness.excess >= SHARED.half * best.whiteness.excess
 
 
 def _effects_say_more(seen: View | None, errors: ReadingErrors) -> bool:

@@ -19,6 +19,8 @@ from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, Ranked
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
 from fidim_lab.mismatch.conclusion.why_lost import odds_against
+from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
@@ -33,6 +35,7 @@ def with_whole_motion(
     told: Explanation,
     campaign: Campaign,
     common: Callable[[], CommonPart],
+    tried: Sequence[Candidate],
     budget: Budget,
     say: Say,
     without: Collection[str] = (),
@@ -40,9 +43,12 @@ def with_whole_motion(
     """The answer of whole windows to a verdict that leaves something open; as it was where they say no more.
 
     They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
-    answer so far leaves of them (sums of squares). common: makes what every model contains.
+    answer so far leaves of them (sums of squares), and less than any model so far. They are not asked where a model so
+    far predicts them: it may be one of cables that stretch, which are not tried again where they are rigid here.
+    common: makes what every model contains. tried: all models so far.
     """
-    if not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
+    figures = [one.held_out for one in tried if not one.held_out.refused]
+    if not campaign.of_role(Role.VALIDATE) or _follows(told, figures, campaign.robot):
         return told
     try:
         outcome = search(campaign, common(), budget, say, without)
@@ -50,23 +56,26 @@ def with_whole_motion(
         say(str(refusal))
         return told
     base, best = outcome.base, outcome.best
-    if not best.size or taken(base, best) < SHARED.half or not _leaves_less(best, told):
+    if not best.size or taken(base, best) < SHARED.half or not _leaves_less(best, told, figures):
         return told
     return _told(told, outcome, campaign)
 
 
-def _follows(told: Explanation, robot: Robot) -> bool:
-    """Whether the answer so far, a law without a name perhaps, leaves held-out windows hardly more than noise."""
-    rms = told.rms_mm.after
-    return rms is not None and bool(rms < ALL_NOISE * millimetres(robot.sensors.marker_noise))
+def _follows(told: Explanation, figures: Sequence[HeldOut], robot: Robot) -> bool:
+    """Whether the answer so far, a law without a name perhaps, or a model leaves hardly more than noise of them."""
+    known = [told.rms_mm.after, *(millimetres(one.rms) for one in figures)]
+    return any(rms is not None and rms < ALL_NOISE * millimetres(robot.sensors.marker_noise) for rms in known)
 
 
-def _leaves_less(best: WholeModel, told: Explanation) -> bool:
-    """Whether it leaves at most half of what the answer so far leaves; so it is where that predicts no window."""
+def _leaves_less(best: WholeModel, told: Explanation, figures: Sequence[HeldOut]) -> bool:
+    """Whether it leaves at most half of what the answer so far leaves, as one that predicts no window does.
+
+    And less than each model so far that predicts every window.
+    """
     rms = told.rms_mm.after
-    if rms is None or not np.isfinite(rms):
-        return True
-    return millimetres(best.held_out) ** 2 <= SHARED.half * rms**2
+    if any(one.chi2_per_dof <= best.chi2_per_dof for one in figures):
+        return False
+    return rms is None or not np.isfinite(rms) or millimetres(best.held_out) ** 2 <= SHARED.half * rms**2
 
 
 def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Explanation:

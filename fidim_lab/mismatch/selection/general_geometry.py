@@ -1,8 +1,9 @@
 """General geometry as a rival of every effect: errors of all anchors and attachments, as in a usual survey.
 
-Where the robot file states no survey, its geometry may be exact or off by what surveys usually are. Evidence decides,
-twice: before a search, where an open geometry is foretold to follow a motion that the file's does not, and to say more
-than any one or two effects; and after it, against the effects that were found, beside them or in their place.
+Where the robot file states no survey, its geometry may be exact or off by what surveys usually are. Evidence decides:
+before a search and beside each model that is found on its way, where an open geometry is foretold to follow a motion
+that the file's does not, and to say more than any one or two further effects; and after it, against the effects that
+were found, beside them or in their place.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.evidence import FACTORS, ODDS, Linearised, over_factors
 from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
-from fidim_lab.mismatch.fitting.refit import prior_of
+from fidim_lab.mismatch.fitting.refit import Completed, prior_of
 from fidim_lab.mismatch.scores.score import pair_scores, single_scores
 from fidim_lab.mismatch.scores.views import View, view
 from fidim_lab.mismatch.selection.candidates import candidate
@@ -41,6 +42,15 @@ class Rival:
     def best(self) -> float:
         """Nats of the better of the two."""
         return max(self.beside, self.instead)
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """A model beside which an open geometry says more than any further effect."""
+
+    beside: Completed
+    factor: float
+    """times a usual survey"""
 
 
 def rival(seen: View) -> Rival | None:
@@ -124,15 +134,27 @@ class FirstLook:
     @property
     def instead_of_a_search(self) -> Baseline | None:
         """With its geometry open, where that alone leaves only noise and one or two effects say less, or None."""
-        seen, general = self.seen, self.general
-        if self.exact.campaign.robot.survey is not None or seen is None or general is None:
-            return None
-        if general.temper > SHARED.near * seen.fit.noise_ratio**2:
-            return None
-        if general.best < most_of_effects(seen, general.temper) + ODDS:
+        if self.seen is None or not leads(self.seen, self.general):
             return None
         found = self.opened
         return found if candidate(found.as_it_is, found.predicted).is_white else None
+
+
+def leads(seen: View, general: Rival | None) -> bool:
+    """Whether an open geometry is foretold to follow the motion, and to say more than any effect or pair of effects.
+
+    general: general geometry at the model that was looked at; no rival where the file states how it was surveyed.
+    """
+    if general is None or seen.model.mechanism.robot.survey is not None:
+        return False
+    follows = general.temper <= SHARED.near * seen.fit.noise_ratio**2
+    return follows and general.best >= ODDS and general.best >= most_of_effects(seen, general.temper) + ODDS
+
+
+def opening(seen: View) -> Opening | None:
+    """To open the geometry beside the terms of the model that was looked at, where that leads; None where not."""
+    general = rival(seen) if seen.model.tried and not seen.model.is_white else None
+    return Opening(seen.model, general.factor) if general is not None and leads(seen, general) else None
 
 
 def opened(exact: Baseline, factor: float, say: Say) -> Baseline:

@@ -1,6 +1,7 @@
 """Additions to a model, one after the other: for the first seconds where needed, then for whole windows.
 
-The search may end early: at pushes within a few windows that are all that is left. What a search that has ended
+The search may end early: at pushes within a few windows that are all that is left, or where an open geometry says more
+than any further effect. What a search that has ended
 thinks better of is in `select`.
 """
 
@@ -31,6 +32,7 @@ from fidim_lab.mismatch.selection.candidates import (
     of_model,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
+from fidim_lab.mismatch.selection.general_geometry import Opening, opening
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.selection.trials import Trials
 from fidim_lab.mismatch.selection.unions import unions
@@ -49,20 +51,29 @@ class SearchState:
     """all scores at the best model"""
     pushes: tuple[Contact, ...] = ()
     """that are all that is left, for which it was broken off"""
+    opening: Opening | None = None
+    """of the geometry, for which it was broken off"""
 
     @property
     def is_broken_off(self) -> bool:
-        """Whether windows are to be cut before it goes on."""
-        return bool(self.pushes)
+        """Whether windows are to be cut, or the geometry is to be opened, before it goes on."""
+        return bool(self.pushes) or self.opening is not None
 
 
 class Search:
     """What is tried in which order, and what is accepted."""
 
     def __init__(
-        self, start: Baseline, say: Say, look_for_pushes: bool, budget: Budget, seen: View | None = None
+        self,
+        start: Baseline,
+        say: Say,
+        look_for_pushes: bool,
+        budget: Budget,
+        seen: View | None = None,
+        open_geometry: bool = False,
     ) -> None:
         self.start, self.say, self.look_for_pushes, self.budget = start, say, look_for_pushes, budget
+        self.open_geometry = open_geometry
         self.trials = Trials(start, say, budget, seen)
 
     def known_to_do(self, known: Completed | None) -> Candidate | None:
@@ -78,8 +89,8 @@ class Search:
         self.trials.tried.append(judged)
         return judged
 
-    def over_first_seconds(self, is_outdone: Callable[[Completed], bool]) -> list[Completed]:
-        """The few best models of the first seconds, the best first.
+    def over_first_seconds(self, is_outdone: Callable[[Completed], bool]) -> tuple[list[Completed], Opening | None]:
+        """The few best models of the first seconds, the best first; and the opening for which it was broken off.
 
         is_outdone: says of several effects that leave structure there, whether it is in vain to go on.
         """
@@ -88,6 +99,9 @@ class Search:
             seen = self.trials.look(best)
             if self.budget.is_spent:
                 break
+            geometry = opening(seen) if self.open_geometry else None
+            if geometry is not None:
+                return [best], geometry
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = more_convincing(best, fresh) or self._exchanged(seen) or self._found_anew(seen)
             if further is None:
@@ -101,7 +115,7 @@ class Search:
         scale = common_scale([best, *self.trials.passing])
         near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < SHARED.close]
         near.sort(key=lambda m: evidence(best, m, scale))
-        return [m for m in _distinct([best, *near])[: SHARED.leaders] if m.tried]
+        return [m for m in _distinct([best, *near])[: SHARED.leaders] if m.tried], None
 
     def _exchanged(self, seen: View) -> Completed | None:
         """The model that was looked at with another effect in the place of a term, where that is more convincing.
@@ -174,8 +188,9 @@ class Search:
             return SearchState(best, seen, self._pushes_left(best))
         while best.model.whole:
             left = self._pushes_left(best, *_best_score(seen))
-            if left:
-                return SearchState(best, seen, left)
+            geometry = opening(seen) if self.open_geometry and not best.is_white else None
+            if left or geometry is not None:
+                return SearchState(best, seen, left, None if left else geometry)
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is None:
                 return SearchState(best, seen, self._pushes_left(best) or self._pushes_alike(best))

@@ -6,7 +6,7 @@ and, of whole windows, when held-out ones are predicted better; a term that anot
 (together: a swap). At most three terms.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.contacts import Contact
@@ -24,6 +24,7 @@ from fidim_lab.mismatch.selection.candidates import (
     rank,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
+from fidim_lab.mismatch.selection.general_geometry import Opening
 from fidim_lab.mismatch.selection.search import Search, SearchState
 from fidim_lab.mismatch.selection.single_force import LoneWrench
 from fidim_lab.mismatch.selection.thresholds import SELECTION
@@ -49,6 +50,8 @@ class Selection:
     """all scores at the best model: what could still be added, or stand in the place of what is in"""
     pushes: tuple[Contact, ...] = ()
     """for which the search was broken off: all but these windows follow the best model"""
+    opening: Opening | None = None
+    """of the geometry, for which the search was broken off"""
     cut_short: str = ""
     """why it was not gone on with, where structure stays and the budget is spent"""
     alone: UnknownForce | None = None
@@ -65,29 +68,31 @@ def select(
     known: Completed | None = None,
     budget: Budget | None = None,
     seen: View | None = None,
+    geometry: bool = False,
 ) -> Selection:
     """Search for what was left out, starting from the fits of the model as it is.
 
     pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
     with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
-    seen: all scores at a baseline, where they are known.
+    seen: all scores at a baseline, where they are known. geometry: break off where an open one says more than effects.
     """
-    search = Search(start, say, pushes, budget or Budget(), seen)
+    search = Search(start, say, pushes, budget or Budget(), seen, geometry)
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"without any effect: {baseline.held_out.says}")
     settled = search.known_to_do(known)
     best, lone = settled or baseline, LoneWrench(baseline, start.campaign, say)
     hands: tuple[Contact, ...] = ()
     if settled is None and not start.follows:
-        short = search.over_first_seconds(lambda model: lone.seek([model]).outdoes([model]))
-        first, outdone = search.trials.first, lone.seek(short).outdoes(short)
-        if not outdone:
+        short, opens = search.over_first_seconds(lambda model: lone.seek([model]).outdoes([model]))
+        outdone = opens is None and lone.seek(short).outdoes(short)
+        if opens is None and not outdone:
             best, hands = search.best_over_all(baseline, short, lone.leaves_noise)
             outdone = lone.leaves_noise and not best.is_white
-        if first is not None and outdone:
+        first = search.trials.first
+        if first is not None and (outdone or opens is not None):
             tried = tuple(sorted([baseline, *search.trials.tried], key=rank))
-            passing = tuple(search.trials.passing)
-            return Selection(baseline, baseline, tried, passing, first, first, alone=lone.found, outdone=short[0])
+            done = Selection(baseline, baseline, tried, tuple(search.trials.passing), first, first, opening=opens)
+            return replace(done, alone=lone.found, outdone=short[0]) if outdone else done
     standing = search.over_whole_windows(best, hands)
     # a model with which a search ended stood among its imitators already
     if not (standing.is_broken_off or standing.best is settled or search.budget.is_spent):
@@ -103,6 +108,7 @@ def select(
         first=standing.last if search.trials.first is None else search.trials.first,
         last=standing.last,
         pushes=standing.pushes,
+        opening=standing.opening,
         cut_short=search.budget.says if search.budget.is_spent and not best.is_white else "",
         alone=lone.found,
     )

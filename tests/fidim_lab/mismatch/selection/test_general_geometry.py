@@ -13,7 +13,7 @@ from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.fitting.refit import refit
 from fidim_lab.mismatch.scores.views import view
-from fidim_lab.mismatch.selection.general_geometry import FirstLook, rival
+from fidim_lab.mismatch.selection.general_geometry import FirstLook, opening, rival
 
 
 def quiet(sentence: str) -> None:
@@ -76,3 +76,24 @@ def test_a_term_beside_an_open_geometry_keeps_its_place(wrong: Baseline) -> None
     assert len(model.at_bound) == 3
     assert model.freedom(1.0) > 0
     assert model.chi2 + model.strain <= found.as_it_is.chi2 + found.as_it_is.strain + 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("off", [0.0, 1e-3])
+def test_beside_a_term_the_geometry_is_opened_where_it_says_more_than_further_effects(
+    baseline_of: Callable[..., Baseline], off: float
+) -> None:
+    exact = baseline_of("rotational-drag:c=0.02", seed=7, windows=4, seconds=3.0)
+    robot = moved(exact.campaign.robot, off, 3)
+    start = fit_baseline(replace(exact.campaign, robot=robot), native=True, say=quiet)
+    drag = next(h for h in start.tried.direct if h.effect.id == "rotational-drag")
+    model = refit(start.short_ground, start.short, [drag], [drag.absent], start.context)
+    assert model is not None
+    found = opening(view(model, start.tried, start.context))
+    if not off:
+        assert found is None
+        return
+    assert found is not None
+    assert found.beside is model
+    assert 0.5 < found.factor < 3.0
+    assert opening(view(start.as_it_is, start.tried, start.context)) is None

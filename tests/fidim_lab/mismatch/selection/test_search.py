@@ -50,7 +50,7 @@ def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
     search = Search(quiet, lambda _: None, False, Budget(patience=-1.0))
     monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
     monkeypatch.setattr(search.trials, "look", lambda _: replace(searched.first, singles=()))
-    assert search.over_first_seconds(lambda _: False) == [found]
+    assert search.over_first_seconds(lambda _: False) == ([found], None)
     assert bool(asked) is united
 
 
@@ -81,7 +81,7 @@ def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_s
     start = baseline_of(hand, "cable-elasticity:EA=1.2e5,c=60", seed=43, windows=5, seconds=8.0)
     search = Search(start, lambda _: None, look_for_pushes=True, budget=Budget())
     baseline = candidate(start.as_it_is, start.predicted)
-    _, hands = search.best_over_all(baseline, search.over_first_seconds(lambda _: False))
+    _, hands = search.best_over_all(baseline, search.over_first_seconds(lambda _: False)[0])
     every = [one.id for one in start.campaign.windows]
     assert [push.window for push in hands] == (every if window == 0 else [every[window - 1]])
     for push in hands:
@@ -100,7 +100,9 @@ def test_what_came_first_is_found_anew_once_the_others_are_there(baseline_of) ->
         windows=8,
         seconds=6.0,
     )
-    best = Search(start, lambda _: None, look_for_pushes=True, budget=Budget()).over_first_seconds(lambda _: False)[0]
+    best = Search(start, lambda _: None, look_for_pushes=True, budget=Budget()).over_first_seconds(lambda _: False)[0][
+        0
+    ]
     found = {(h.effect.id, h.effect.cable): theta for h, theta in zip(best.tried, best.thetas, strict=True)}
     assert set(found) == {("marker-offset", None), ("cable-length-bias", 1), ("loose-mass", None)}
     assert found["loose-mass", None][1] == pytest.approx(2.4, rel=0.1)

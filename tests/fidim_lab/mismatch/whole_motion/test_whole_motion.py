@@ -130,7 +130,7 @@ def test_a_survey_that_the_file_states_is_counted_and_no_cause(irma4: Robot):
     rough = Before(9.0, 9.0)
     open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
     common = partial(rigid, campaign, Mechanism(stated, native=True))
-    told = with_whole_motion(open_still, campaign, common, Budget(), lambda _: None, others)
+    told = with_whole_motion(open_still, campaign, common, (), Budget(), lambda _: None, others)
     assert [cause.id for cause in told.effects] == ["attachment-friction"]
     assert told.geometry is not None
     assert "The survey in the robot file was used" in told.message
@@ -157,7 +157,7 @@ def test_a_search_that_was_ended_names_nothing_as_the_only_cause(irma4: Robot):
     rough = Before(9.0, 9.0)
     open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
     common = partial(rigid, campaign, Mechanism(irma4, native=True))
-    told = with_whole_motion(open_still, campaign, common, SpentAfter(1), lambda _: None, others)
+    told = with_whole_motion(open_still, campaign, common, (), SpentAfter(1), lambda _: None, others)
     friction = next(cause for cause in told.effects if cause.id == "attachment-friction")
     assert not friction.single
     assert "What could replace attachment-friction was not tried." in told.message
