@@ -6,6 +6,7 @@ What was decided for each take is in import.json ("fidim-takes/1") and on screen
 there with the reason and never stops the others.
 """
 
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +26,8 @@ from fidim_lab.data.importers.takes import Asked, Take, Takes
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.cleaning.gravity_clock import gravity_clock
-from fidim_lab.identification.motion.free_stretches import find_free_motion
+from fidim_lab.identification.motion.free_stretches import StretchRule, find_free_motion
+from fidim_lab.identification.motion.hand_free import FreeStretch
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import counted
 
@@ -131,6 +133,7 @@ def _without_wrong_logs(found: Sequence[TakeWindows]) -> Sequence[TakeWindows]:
 def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
     posed = pose_take(mechanism, take.markers, asked)
     free = find_free_motion(mechanism, posed.t, posed.positions, posed.rotations)
+    free = [part for stretch in free for part in _without_breaks(stretch, take.markers.breaks)]
     if not free:
         raise RefusedError("no free motion of 3 s or more was found", hint="Let go of the platform while recording.")
     said = (*take.markers.decided, *(take.log.decided if take.log else ()), *posed.decided)
@@ -160,6 +163,13 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
         )
     lengths = compared(mechanism, take, posed, shown)
     return TakeWindows(take, tuple(windows), said, tuple(warnings), lengths=lengths)
+
+
+def _without_breaks(stretch: FreeStretch, breaks: Sequence[float]) -> Sequence[FreeStretch]:
+    """What is free between the times (s) at which the clock was set, as far as it is long enough."""
+    edges = [stretch.begin, *(at for at in breaks if stretch.begin < at < stretch.end), stretch.end]
+    parts = (FreeStretch(begin, end) for begin, end in itertools.pairwise(edges))
+    return [part for part in parts if part.duration >= StretchRule.shortest]
 
 
 def _refuse_twice(one: TakeWindows, known: dict[bytes, str]) -> None:

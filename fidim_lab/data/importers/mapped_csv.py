@@ -90,7 +90,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
     if said.time_unit and not read.dated:
         check_time_unit(map_file, said.time_unit, values[:, 0])
     seconds = values[:, 0] * SECONDS[unit]
-    t, rate, set_clock = even_times(path, (values[:, 0] - values[0, 0]) * SECONDS[unit])
+    t, rate, clock = even_times(path, (values[:, 0] - values[0, 0]) * SECONDS[unit])
     scale = 1.0 if said.unit is None else length_scale(map_file, "unit", said.unit)
     count = 1 + 3 * len(said.marker)
     positions = scale * values[:, 1:count].reshape(len(values), -1, 3)
@@ -106,7 +106,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
     decided = [f"{rate:.4g} Hz by the stamps, which are in {unit}"]
     decided += [f"lengths in {said.unit} by {map_file.name}"] if said.unit else []
     decided += [f"{said.up} upwards by {map_file.name}"] if said.up else []
-    decided += (*set_clock, *read.decided)
+    decided += (*clock.says, *read.decided)
     return MarkerLog(
         path,
         tuple(marker.name for marker in said.marker),
@@ -120,6 +120,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
         unit_said=said.unit is not None,
         began=float(seconds[0]) if seconds[0] > EPOCH else None,
         rate_doubt=doubt if counts else "",
+        breaks=clock.breaks,
     )
 
 

@@ -70,6 +70,8 @@ class MarkerLog:
     """still frames in which that of the markers is placed by the file"""
     rate_doubt: str = ""
     """why the rate has to be asked for, a sentence; empty where the file says one"""
+    breaks: tuple[float, ...] = ()
+    """s, between samples, where an unknown time passed, for the clock was set there: windows end"""
 
 
 @dataclass(frozen=True, eq=False)

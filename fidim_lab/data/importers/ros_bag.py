@@ -183,7 +183,7 @@ def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]], still: Mappi
     stamps = np.unique(np.array([stamp for rows in seen.values() for stamp, _ in rows]))
     if len(stamps) < MIN_FRAMES:
         raise FileError(path, "", f"{len(stamps)} stamps; a recording has at least {MIN_FRAMES}")
-    t, rate, set_clock = even_times(path, stamps)
+    t, rate, clock = even_times(path, stamps)
     points: dict[str, np.ndarray] = {}
     poses: dict[str, np.ndarray] = {}
     kinds: dict[str, Sighting] = {}
@@ -209,9 +209,9 @@ def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]], still: Mappi
     labelled, positions, loose = apart(tuple(points), positions)
     tracked = tuple(way for name, one in bodies.items() for way in in_each_frame(one, kinds[name].frame, placed))
     return MarkerLog(
-        path, labelled, rate, t, positions, 1.0, "z", (*_said(seen, t, rate), *set_clock), tracked, loose,
+        path, labelled, rate, t, positions, 1.0, "z", (*_said(seen, t, rate), *clock.says), tracked, loose,
         unit_said=all(sighting.metric for rows in seen.values() for _, sighting in rows),
-        began=float(stamps[0]) if stamps[0] > EPOCH else None, frames=above,
+        began=float(stamps[0]) if stamps[0] > EPOCH else None, frames=above, breaks=clock.breaks,
     )  # fmt: skip
 
 

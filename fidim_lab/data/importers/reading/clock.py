@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.importers.reading.cells import number
-from fidim_lab.data.importers.reading.clock_steps import without_steps
+from fidim_lab.data.importers.reading.clock_steps import SetClock, without_steps
 from fidim_lab.errors import FileError
 
 HERTZ = re.compile(r"\s*hz\s*$", re.IGNORECASE)
@@ -100,7 +100,7 @@ def clocked(
     return times(path, said, fewer), said, f"The file's header says {said:g} Hz, its column of times {column:.5g} Hz"
 
 
-def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, tuple[str, ...]]:
+def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, SetClock]:
     """Times since the first one (s) and rate of stamps that increase in even steps, with gaps; where a clock was set.
 
     Raises FileError.
@@ -116,12 +116,14 @@ def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, tuple[str,
         raise FileError(path, "time", what, hint=f"{ONE_TAKE} Where its clock was set back, cut the file there.")
     t = t - t[0]
     rate = _counted_rate(path, steps, float(1.0 / np.median(steps)))
-    t, said = without_steps(t, np.append(0.0, np.cumsum(np.rint(steps * rate))), SAME_RATE * float(t[-1]))
+    t, clock = without_steps(t, np.append(0.0, np.cumsum(np.rint(steps * rate))))
     rate = _counted_rate(path, np.diff(t), rate)
     off = np.abs(t * rate - np.rint(t * rate))
     if off.max() > UNEVEN or (np.diff(np.rint(t * rate)) == 0.0).any():
-        raise FileError(path, "time", f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering")
-    return check_long(path, t, rate), rate, said
+        hint = "Export the camera's own times or frame numbers (with --rate), instead of times of arrival."
+        what = f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering."
+        raise FileError(path, "time", what, hint=hint)
+    return check_long(path, t, rate), rate, clock
 
 
 def _counted_rate(path: Path, steps: np.ndarray, rate: float) -> float:
@@ -153,7 +155,7 @@ def time_unit_of(path: Path, stamps: np.ndarray) -> str:
     if unit is None:
         step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
         if step == 0.0:
-            hint = "Put the markers of one sample side by side in one row."
+            hint = "Put the markers of one sample side by side in one row; write times with all their digits."
             raise FileError(path, "time", "most rows have the time of the row before.", hint=hint)
         hint = (
             "Say time_unit in the map, and where another column has the rest of a stamp, milliseconds or nanoseconds."

@@ -4,37 +4,53 @@ A computer that is told the time (NTP) sets its clock forwards or back. Over the
 then wrong, and with it every force: by 4 ms in 11 s an inertia was wrong by 50 stated standard deviations.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fidim_lab.arrays import Series
 
 MOST = 3
 """times that a clock is set within one take; it is told once in 64 s at the most"""
+PART = 0.05
+"""of a step, by which a clock is set at least: 0.5 ms at 100 Hz change the rate of a take of 10 s by 1e-4 at most"""
 MAIN = 0.5
-"""of what stamps are off even steps (their squares), that one step of the clock explains: it is the main cause then"""
+"""of what stamps are off even steps (their squares), that one step of the clock explains: then it is the main cause. Of
+300 takes whose stamps jitter by 5 % of a step none is told; 1 ms in stamps of whole ms explains three quarters"""
 
 
-def without_steps(t: Series, slots: Series, least: float) -> tuple[Series, tuple[str, ...]]:
-    """Stamps (s) as if the clock had never been set by a part of a step, and where it was, a sentence each.
+@dataclass(frozen=True)
+class SetClock:
+    """Where a clock was set."""
 
-    slots: (N,) whole steps since the first stamp. least: s, below which a step of the clock is none.
+    says: tuple[str, ...] = ()
+    """a sentence each"""
+    breaks: tuple[float, ...] = ()
+    """s since the first stamp, half a step before a sample from which on it may be off by whole samples, too"""
+
+
+def without_steps(t: Series, slots: Series) -> tuple[Series, SetClock]:
+    """Stamps (s) as if the clock had never been set by a part of a step, and where it was.
+
+    slots: (N,) whole steps since the first stamp.
     """
     rows: list[int] = []
-    even = t
+    even, usual = t, float(np.median(np.diff(t)))
     for _ in range(MOST):
         at, by = _step(even, slots)
-        if abs(by) < least or at in rows:
+        if abs(by) < PART * usual or at in rows:
             break
         rows.append(at)
         later = np.arange(len(t))[:, np.newaxis] >= rows
         line = np.column_stack([np.ones(len(t)), slots, later])
         even = t - later @ np.linalg.lstsq(line, t, rcond=None)[0][2:]
-    usual = float(np.median(np.diff(t)))
-    return even, tuple(
+    said = tuple(
         f"stamps step by {1e3 * (t[at] - t[at - 1] - usual):+.3g} ms at {t[at] - t[0]:.2f} s and stay so, which is not "
         "a whole number of samples: a clock was set there, and the samples are taken as even"
         for at in sorted(rows)
     )
+    unsure = tuple(float(even[at] - even[0] - 0.5 * usual) for at in sorted(rows) if slots[at] - slots[at - 1] > 1.0)
+    return even, SetClock(said, unsure)
 
 
 def _step(t: Series, slots: Series) -> tuple[int, float]:

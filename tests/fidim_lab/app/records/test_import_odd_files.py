@@ -234,6 +234,24 @@ def test_odd_files_are_read(name: str, swing: Swing, tmp_path: Path):
         assert np.nanmax(np.abs(off)) < 3e-4, said
 
 
+def test_a_clock_that_is_set_ends_a_window(swing: Swing, tmp_path: Path):
+    """By 37 ms as NTP does: how much time passed is not known, and a window across it contradicts the others."""
+    at = len(swing.t) // 2
+    stamps = 1.75e12 + np.rint(1e3 * swing.t) + 37.0 * (np.arange(len(swing.t)) >= at)
+    text = "\n".join(
+        [
+            ",".join(["time", *AXES]),
+            *(f"{t:.0f},{row}" for t, row in zip(stamps, lines_of(in_order(swing)), strict=True)),
+        ]
+    )
+    code, said = imported(swing, tmp_path, "csv", text, ["--map", "markers"])
+    assert code == 0, said
+    assert "stamps step by +37 ms" in said
+    for window in read_campaign(tmp_path / "out").windows:
+        early = window.t < swing.t[at]
+        assert early.all() or not early.any()
+
+
 def test_an_export_at_a_lower_rate_keeps_its_times(swing: Swing, tmp_path: Path):
     """Frame numbers count those of the cameras."""
     code, said = imported(swing, tmp_path, "motive-csv", motive(swing, rate="50", every=2), [])

@@ -80,6 +80,7 @@ def test_a_clock_that_is_set_while_samples_continue_leaves_the_rate_as_it_was(by
     assert log.rate == pytest.approx(100.0, rel=1e-6)
     assert np.diff(log.t)[: at - 1] == pytest.approx(0.01)
     assert any(f"stamps step by {by:+.3g} ms at" in words for words in log.decided)
+    assert log.breaks == pytest.approx([log.t[at] - 0.005] if by > 10.0 else [])  # then frames may be lost, too
 
 
 def test_stamps_that_jitter_or_are_rounded_are_of_no_clock_that_was_set(tmp_path: Path):
