@@ -1,8 +1,7 @@
 """Additions to a model, one after the other: for the first seconds where needed, then for whole windows.
 
 The search may end early: at pushes within a few windows that are all that is left, or where an open geometry says more
-than any further effect. What a search that has ended
-thinks better of is in `select`.
+than any further effect. What a search that has ended thinks better of is in `select`.
 """
 
 from collections.abc import Callable, Sequence
@@ -188,9 +187,11 @@ class Search:
             return SearchState(best, seen, self._pushes_left(best))
         while best.model.whole:
             left = self._pushes_left(best, *_best_score(seen))
+            if left:
+                return SearchState(best, seen, left)
             geometry = opening(seen) if self.open_geometry and not best.is_white else None
-            if left or geometry is not None:
-                return SearchState(best, seen, left, None if left else geometry)
+            if geometry is not None:
+                return SearchState(best, seen, opening=geometry)
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is None:
                 return SearchState(best, seen, self._pushes_left(best) or self._pushes_alike(best))
