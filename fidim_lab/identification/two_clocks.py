@@ -25,8 +25,9 @@ AGREE = 0.25
 VIDEO = (24.0, 30.0, 48.0, 60.0, 120.0, 240.0)
 """Hz, that may stand for 1.001 times less"""
 SLOWER = 1.001
-SET_RIGHT = 1e-3
-"""of a rate, within which a clock may be off: a computer's own by 1e-4, one that is being set right by 5e-4 more"""
+SET_RIGHT = 7e-4
+"""of a rate, within which a clock may be off: a computer's own by 1e-4, one that is being set right by 5e-4 more; less
+than the thousandth of video"""
 FIGURES = 2
 """of a rate that cameras are set to: 50, 100, 120, 240 Hz"""
 CERTAIN = 25.0

@@ -211,12 +211,14 @@ class Rounds:
             more = len(broken_off) < MOST_CUTS
             found = select(baseline, self.say, pushes=more, known=known, budget=self.budget, geometry=free)
         reached = Round(cleaned, baseline, found)
+        surveyed = any(before.found.opening is not None for before in broken_off)
         for before in reversed(broken_off):
             if reached.found.best.is_white or self.budget.is_spent:
                 break
             found = select(before.baseline, self.say, pushes=False, budget=self.budget)
-            again = Round(before.cleaned, before.baseline, found, surveyed=before.found.opening is not None)
-            reached = again if not again.surveyed or _takes_more(again, reached) else reached
+            again = Round(before.cleaned, before.baseline, found, surveyed=surveyed)
+            alike = bool(before.baseline.geometry) == bool(reached.baseline.geometry)
+            reached = again if alike or _takes_more(again, reached) else reached
         return reached
 
     def _by_the_right_clock(self, first: Round) -> Round:

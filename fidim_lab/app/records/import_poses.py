@@ -116,7 +116,10 @@ def _chosen_markers(log: MarkerLog, asked: Asked) -> MarkerLog:
 def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
     """The take at the rate that was asked for. Raises RefusedError where the file says two and nobody said which."""
     if asked.rate is not None:
-        return replace(log, t=log.t * log.rate / asked.rate, rate=asked.rate), (f"{asked.rate:g} Hz, as requested",)
+        slower = log.rate / asked.rate
+        breaks = tuple(slower * at for at in log.breaks)
+        log = replace(log, t=slower * log.t, rate=asked.rate, breaks=breaks)
+        return log, (f"{asked.rate:g} Hz, as requested",)
     if log.rate_doubt:
         raise RefusedError(log.rate_doubt, hint="Say the right one with --rate.")
     return log, ()

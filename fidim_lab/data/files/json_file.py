@@ -29,8 +29,11 @@ def as_json(value: Any) -> Any:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write a value whole or not at all. Raises OSError."""
+    """Write a value, into a file whole or not at all. Raises OSError."""
+    text = json.dumps(as_json(value), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    if path.is_symlink() or (path.exists() and not path.is_file()):  # a pipe, a device: nothing may take its place
+        path.write_text(text, encoding="utf-8")
+        return
     part = path.with_name(f"{path.name}.part")
-    text = json.dumps(as_json(value), indent=1, ensure_ascii=False, allow_nan=False)
-    part.write_text(f"{text}\n", encoding="utf-8")
+    part.write_text(text, encoding="utf-8")
     part.replace(path)

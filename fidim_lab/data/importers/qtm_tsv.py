@@ -45,7 +45,7 @@ def read_qtm(path: Path) -> MarkerLog:
         raise FileError(path, NAMES[what], "no name, or one body's name twice")
     decimal = decimal_of(text[first : first + 50], "\t")
     width = WIDTH[what] * len(names)
-    lead = _lead(path, lines[first : first + 10], first, width, decimal)
+    lead = _lead(path, _without_last_tab(lines[first:], width, WIDTH[what]), first, width, decimal)
     count, time = (next((k for k, kind in enumerate(lead) if kind == one), None) for one in ("frame", "time"))
     known = [k in (count, time) for k in range(len(lead))]
     rows = [[cell if k >= len(lead) or known[k] else "" for k, cell in enumerate(row)] for row in lines[first:]]
@@ -89,13 +89,20 @@ def _of_numbers(cells: Sequence[str]) -> bool:
     return len(cells) > 2 and bool(seen) and not any(cell[0].isalpha() for cell in seen)
 
 
+def _without_last_tab(rows: Sequence[Sequence[str]], width: int, each: int) -> Sequence[Sequence[str]]:
+    """The first rows less the blank cell after a tab that ends each; a last marker that is never seen has `each`."""
+    head = rows[:10]
+    whole = [row for row in rows if len(row) == len(rows[0]) > width]
+    ended = not any(row[-1].strip() for row in whole)
+    seen = any(cell.strip() for row in whole for cell in row[-each:])
+    return [row[:-1] for row in head] if ended and seen else head
+
+
 def _lead(path: Path, rows: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> list[str]:
     """What each column before the data has: "frame", "time", or "" for what is no number, such as a time code.
 
     rows: the first of them; whole numbers count frames. Raises FileError where names and columns do not go together.
     """
-    while rows and len(rows[0]) > width and not any(row[-1].strip() for row in rows if row):  # rows that end with a tab
-        rows = [row[:-1] for row in rows]
     columns = [[row[k].strip() for row in rows if k < len(row)] for k in range(len(rows[0]) - width if rows else 0)]
     numbers = [all(is_number(cell, decimal) for cell in column) for column in columns]
     kinds = [_counts(column) or ("time" if known else "") for column, known in zip(columns, numbers, strict=True)]

@@ -19,6 +19,8 @@ from fidim_lab.identification.cleaning.removed import CleanRecordings, without_e
 
 BY_CHANCE = 0.05
 """share of the repeated frames of a window that rounding may make"""
+ROUNDED = 2.0
+"""digits, by which a rounded place that stood still moves on at most: one in each direction is √3"""
 WHY = "repeats the frame before"
 
 
@@ -35,14 +37,16 @@ def without_held(campaign: Campaign) -> CleanRecordings:
 def _held(window: Window) -> Bool[np.ndarray, "N M"]:
     held = np.zeros(window.markers.shape[:2], dtype=bool)
     for marker, track in enumerate(np.swapaxes(window.markers, 0, 1)):
-        steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
+        apart = np.abs(np.diff(track, axis=0))
+        digit = float(np.min(apart[apart > 0.0], initial=np.inf))  # what is rounded stands still, and moves on by one
+        steps = np.linalg.norm(apart, axis=1)
         own = np.where(np.append(False, steps[:-1] == 0.0), np.nan, steps)  # of one frame, not of those held before it
         for begin, end in runs(np.asarray(steps == 0.0)):
             kept = end - begin + 1
             if kept < FEWEST_HELD or end >= len(steps):
                 continue
             beside = [*own[max(0, begin - 1) : begin], *own[end + 1 : end + 1 + kept]]
-            held[begin + 1 : end + 1, marker] = steps[end] > np.nanmax([0.0, *beside])
+            held[begin + 1 : end + 1, marker] = steps[end] > np.nanmax([ROUNDED * digit, *beside])
     return held
 
 

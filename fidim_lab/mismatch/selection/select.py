@@ -79,7 +79,7 @@ def select(
     search = Search(start, say, pushes, budget or Budget(), seen, geometry)
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"without any effect: {baseline.held_out.says}")
-    settled = search.known_to_do(known)
+    settled = None if baseline.is_white else search.known_to_do(known)
     best, lone = settled or baseline, LoneWrench(baseline, start.campaign, say)
     hands: tuple[Contact, ...] = ()
     if settled is None and not start.follows:

@@ -17,6 +17,8 @@ PART = 0.05
 MAIN = 0.5
 """of what stamps are off even steps (their squares), that one step of the clock explains: then it is the main cause. Of
 300 takes whose stamps jitter by 5 % of a step none is told; 1 ms in stamps of whole ms explains three quarters"""
+NEAR = 10
+"""samples on either side, between which a clock that is set has stepped: one that is sped up for seconds has hardly"""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ def without_steps(t: Series, slots: Series) -> tuple[Series, SetClock]:
     slots: (N,) whole steps since the first stamp.
     """
     rows: list[int] = []
+    steps = np.zeros(0)
     even, usual = t, float(np.median(np.diff(t)))
     for _ in range(MOST):
         at, by = _step(even, slots)
@@ -43,11 +46,13 @@ def without_steps(t: Series, slots: Series) -> tuple[Series, SetClock]:
         rows.append(at)
         later = np.arange(len(t))[:, np.newaxis] >= rows
         line = np.column_stack([np.ones(len(t)), slots, later])
-        even = t - later @ np.linalg.lstsq(line, t, rcond=None)[0][2:]
+        steps = np.linalg.lstsq(line, t, rcond=None)[0][2:]
+        even = t - later @ steps
+    gaps = [usual * float(slots[at] - slots[at - 1] - 1.0) for at in rows]  # which count as samples that are missing
     said = tuple(
-        f"stamps step by {1e3 * (t[at] - t[at - 1] - usual):+.3g} ms at {t[at] - t[0]:.2f} s and stay so, which is not "
+        f"stamps step by {1e3 * (gap + by):+.3g} ms at {t[at] - t[0]:.2f} s and stay so, which is not "
         "a whole number of samples: a clock was set there, and the samples are taken as even"
-        for at in sorted(rows)
+        for at, by, gap in sorted(zip(rows, steps.tolist(), gaps, strict=True))
     )
     unsure = tuple(float(even[at] - even[0] - 0.5 * usual) for at in sorted(rows) if slots[at] - slots[at - 1] > 1.0)
     return even, SetClock(said, unsure)
@@ -68,4 +73,6 @@ def _step(t: Series, slots: Series) -> tuple[int, float]:
     at = int(inside[np.argmax(gain)])
     if gain.max() < MAIN * float(off @ off) or not off.any():
         return 0, 0.0
-    return at, float(shared[at] / own[at])
+    by = float(shared[at] / own[at])
+    within = float(off[at : at + NEAR].mean() - off[max(0, at - NEAR) : at].mean())
+    return (at, by) if within / by > MAIN else (0, 0.0)

@@ -85,8 +85,12 @@ def test_a_clock_that_is_set_while_samples_continue_leaves_the_rate_as_it_was(by
 
 def test_stamps_that_jitter_or_are_rounded_are_of_no_clock_that_was_set(tmp_path: Path):
     rng = np.random.default_rng(5)
-    for stamps in (10.0 * np.arange(1151) + rng.normal(size=1151) / 2, np.round(1e3 * np.arange(1151) / 120)):
+    jittery, rounded = 10.0 * np.arange(1151) + rng.normal(size=1151) / 2, np.round(1e3 * np.arange(1151) / 120)
+    for stamps in (jittery, rounded):
         assert not any("clock" in words for words in read_mapped(*files(tmp_path, 1.7e12 + stamps)).decided)
+    sped_up = np.cumsum(np.where(np.arange(1151) < 500, 1e4, 10004.0))  # as a clock is set right slowly
+    log = read_mapped(*files(tmp_path, 1.7e15 + sped_up, MAP.replace('time_unit = "ms"', 'time_unit = "us"')))
+    assert not any("was set" in words for words in log.decided)
 
 
 def test_seconds_and_nanoseconds_are_one_stamp(tmp_path: Path):

@@ -243,3 +243,19 @@ def test_vicon_objects_with_angles_are_read_in_every_way(tmp_path: Path):
     text = "\n".join([*head, *rows]).replace("deg", "")
     with pytest.raises(FileError, match="no unit of angles"):
         MARKER_READERS["vicon-csv"](written(tmp_path, text))
+
+
+@pytest.mark.parametrize("end", ["", "\t"])
+def test_a_last_marker_that_is_seen_late_leaves_every_column_at_its_place(end: str, tmp_path: Path):
+    """Its blank cells are no tab at the ends of rows."""
+    rows = qtm(frame, second, names="Frame\tTime", end=end).split("\r\n")
+    late = [row if k >= 26 or k < 6 else _blank(row, end) for k, row in enumerate(rows)]
+    log = MARKER_READERS["qtm-tsv"](written(tmp_path, "\r\n".join(late)))
+    assert log.positions[:, 0] == pytest.approx(1e-3 * PLACES[:, 0], abs=1e-6)
+    assert np.isnan(log.positions[:20, 1]).all()
+    assert log.positions[20:, 1] == pytest.approx(1e-3 * PLACES[20:, 1], abs=1e-6)
+
+
+def _blank(row: str, end: str) -> str:
+    cells = row.removesuffix(end).split("\t") if end else row.split("\t")
+    return "\t".join([*cells[:-3], "", "", ""]) + end

@@ -73,6 +73,12 @@ def test_computed_samples_are_missing(recorded: Make, fill: str):
         assert set(range(100, 140)) <= set(gone.tolist()) <= set(range(96, 144))
 
 
+def test_rounded_places_that_stand_still_at_a_reversal_stay(recorded: Make):
+    """Of a simulation without noise, written in whole millimetres."""
+    found = clean_recordings(each(recorded(noise=0.0), lambda markers: np.round(markers, 3))).recordings
+    assert all(np.isfinite(window.markers).all() for window in found.campaign.windows)
+
+
 @pytest.mark.parametrize("fill", ["line", "cubic"])
 def test_computed_samples_are_missing_where_numbers_have_six_digits_in_all(recorded: Make, fill: str):
     """As Nexus and C's %g write mm: three decimals up to 999.999, two from 1000.00 on."""

@@ -12,7 +12,7 @@ from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.selection import search as module
 from fidim_lab.mismatch.selection.candidates import Candidate, candidate
 from fidim_lab.mismatch.selection.search import Search
-from fidim_lab.mismatch.selection.select import Selection
+from fidim_lab.mismatch.selection.select import Selection, select
 
 
 def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(
@@ -106,3 +106,10 @@ def test_what_came_first_is_found_anew_once_the_others_are_there(baseline_of) ->
     found = {(h.effect.id, h.effect.cable): theta for h, theta in zip(best.tried, best.thetas, strict=True)}
     assert set(found) == {("marker-offset", None), ("cable-length-bias", 1), ("loose-mass", None)}
     assert found["loose-mass", None][1] == pytest.approx(2.4, rel=0.1)
+
+
+def test_a_known_model_is_not_taken_up_where_nothing_is_missing(
+    quiet: Baseline, claim: Callable[..., Candidate]
+) -> None:
+    known = claim(next(h for h in quiet.tried.direct if h.effect.id == "rotational-drag")).model
+    assert not select(quiet, lambda _: None, known=known).best.model.tried
