@@ -252,8 +252,8 @@ class Rounds:
         if general is None or general.best < ODDS:
             return first, last
         noise = max(1.0, seen.fit.noise_ratio**2)  # what is foretold, and what was seen, are at least 1 as well
-        taken = seen.projected.inflation - general.temper
-        if not (best.is_white or taken > SHARED.some * (seen.projected.inflation - noise)):
+        left = SHARED.half * (seen.projected.inflation - noise)
+        if not (best.is_white or general.temper - noise < left):
             return first, last
         again, end = self._gone(cleaned, opened(exact, general.factor, self.say), best.model)
         after = end.found.best
