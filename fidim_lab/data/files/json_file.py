@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.data.files.whole_file import put_whole
+
 
 def as_json(value: Any) -> Any:
     """A value as JSON has it: records as objects, sequences and arrays as lists, null for numbers that are none."""
@@ -33,7 +35,5 @@ def write_json(path: Path, value: Any) -> None:
     text = json.dumps(as_json(value), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     if path.is_symlink() or (path.exists() and not path.is_file()):  # a pipe, a device: nothing may take its place
         path.write_text(text, encoding="utf-8")
-        return
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    else:
+        put_whole(path, text)
