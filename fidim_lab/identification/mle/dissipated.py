@@ -8,10 +8,14 @@ all.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
+from fidim_lab.arrays import Series
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples
 from fidim_lab.units import plain
 
 PARTS = 4
@@ -26,6 +30,10 @@ LEAST = 0.004
 windows of faint swings at 30 Hz), mostly below 0.0003; swivel friction had 0.008, drag 0.06 and more"""
 CERTAIN = 3.0
 """standard errors of the mean rate over windows"""
+DISSIPATES = (
+    "What is missing dissipates: drag, friction in cables, pulleys or attachments, something loose, or a hand that "
+    "brakes it."
+)
 SEEN = 2.0
 """times what noise adds to the squares that there must be in every part"""
 
@@ -43,9 +51,38 @@ class Loss:
         """A sentence for a person."""
         return (
             f"The recorded motion decays, that of the model does not: half of its energy is lost in "
-            f"{plain(float(np.log(2.0)) / self.rate, 2)} s, in all {self.windows} windows. What is missing dissipates: "
-            "drag, friction in cables, pulleys or attachments, something loose, or a hand that brakes it."
+            f"{plain(float(np.log(2.0)) / self.rate, 2)} s, in all {self.windows} windows. {DISSIPATES}"
         )
+
+
+@dataclass(frozen=True)
+class Decay:
+    """The rate at which recorded motion dies down, whatever any model says."""
+
+    rate: float
+    """1/s, of the squares of the markers' velocities"""
+    windows: int
+
+    @property
+    def says(self) -> str:
+        """A sentence for a person."""
+        return (
+            f"The recorded motion dies down in all {self.windows} windows (the squares of its speeds halve in "
+            f"{plain(float(np.log(2.0)) / self.rate, 2)} s), and the model keeps its energy. {DISSIPATES}"
+        )
+
+
+def decays(recordings: Sequence[FollowedSamples], noise: float) -> Decay | None:
+    """Motion that dies down from part to part of every window; None where one does otherwise.
+
+    For a search that found no motion to compare with. One window in ten whose motion only beats falls so (of 120 of
+    6 s), all of a campaign in none of 24. noise: standard deviation of a marker coordinate, m.
+    """
+    rates = [_fall(recording.t, recording.markers, noise) for recording in recordings]
+    known = [rate for rate in rates if rate is not None]
+    if len(known) < max(FEWEST, len(rates)) or min(known) < LEAST:
+        return None
+    return Decay(float(np.median(known)), len(known))
 
 
 def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
@@ -62,26 +99,47 @@ def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
 
 def _rate(left: Remainder, noise: float) -> float | None:
     """1/s at which ln of the squares, recorded over predicted, grows; None where noise hides the motion."""
-    if len(left.t) < FEWEST_SAMPLES:
+    recorded = _squares(left.t, left.predicted + left.residuals, noise if left.noise is None else left.noise)
+    shown = np.where(np.isfinite(left.residuals), left.predicted, np.nan)
+    predicted = _squares(left.t, shown, 0.0)
+    if recorded is None or predicted is None:
         return None
-    apart = max(1, round(OVER / float(np.median(np.diff(left.t)))))
-    steps = left.t[apart:] - left.t[:-apart]
+    return float(np.polyfit(recorded.times, np.log(recorded.sums / predicted.sums), 1)[0])
+
+
+def _fall(t: Series, markers: Float[np.ndarray, "T M 3"], noise: float) -> float | None:
+    """1/s at which the squares fall; None where they rise from a part to the next, or noise hides the motion."""
+    squares = _squares(t, markers, noise)
+    if squares is None or (np.diff(squares.sums / squares.counts) > 0).any():
+        return None
+    return float(-np.polyfit(squares.times, np.log(squares.sums / squares.counts), 1)[0])
+
+
+class _Squares(NamedTuple):
+    """Of the markers' velocities, in each part of a window."""
+
+    times: Float[np.ndarray, " parts"]
+    sums: Float[np.ndarray, " parts"]
+    """m²/s², less what noise adds"""
+    counts: Float[np.ndarray, " parts"]
+
+
+def _squares(t: Series, places: Float[np.ndarray, "T M 3"], noise: float) -> _Squares | None:
+    """None where noise hides the motion in a part."""
+    if len(t) < FEWEST_SAMPLES:
+        return None
+    apart = max(1, round(OVER / float(np.median(np.diff(t)))))
+    steps = (t[apart:] - t[:-apart])[:, np.newaxis, np.newaxis]
     if len(steps) < FEWEST_SAMPLES:
         return None
-    known = noise if left.noise is None else left.noise
-    recorded, predicted = (
-        (places[apart:] - places[:-apart]) / steps[:, np.newaxis, np.newaxis]
-        for places in (left.predicted + left.residuals, left.predicted)
-    )
-    seen = np.isfinite(recorded)
-    added = np.broadcast_to(2 * known**2 / steps[:, np.newaxis, np.newaxis] ** 2, seen.shape)
-    times, ratios = np.zeros(PARTS), np.zeros(PARTS)
+    velocities = (places[apart:] - places[:-apart]) / steps
+    seen = np.isfinite(velocities)
+    added = np.broadcast_to(2 * noise**2 / steps**2, seen.shape)
+    times, sums, counts = (np.zeros(PARTS) for _ in range(3))
     for k, rows in enumerate(np.array_split(np.arange(len(steps)), PARTS)):
         here = seen[rows]
-        by_noise = float(added[rows][here].sum())
-        total = float((recorded[rows][here] ** 2).sum())
-        kept = float((predicted[rows][here] ** 2).sum())
-        if total < SEEN * by_noise or kept <= 0:
+        by_noise, total = float(added[rows][here].sum()), float((velocities[rows][here] ** 2).sum())
+        if total <= 0 or total < SEEN * by_noise:
             return None
-        times[k], ratios[k] = left.t[rows].mean(), np.log((total - by_noise) / kept)
-    return float(np.polyfit(times, ratios, 1)[0])
+        times[k], sums[k], counts[k] = t[rows].mean(), total - by_noise, here.sum()
+    return _Squares(times, sums, counts)

@@ -12,7 +12,7 @@ from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.markers.thresholds import MARKERS
-from fidim_lab.identification.mle.dissipated import lost_energy
+from fidim_lab.identification.mle.dissipated import decays, lost_energy
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.starts.possible import distance_to_boundary
 from fidim_lab.identification.mle.trajectories.optimise import Ending
@@ -157,7 +157,10 @@ def cause(found: Fit, exact: Fit | None) -> str:
     """
     fits = () if found.excess <= MISFIT else (found,) if exact is None else (found, exact)
     losses = (lost_energy(one.remainders, one.likelihood.noise) for one in fits)
-    return next((lost.says for lost in losses if lost is not None), "")
+    lost = next((lost for lost in losses if lost is not None), None)
+    if lost is None and not found.settled and not found.explained:  # there may be no motion to compare with
+        lost = decays(found.likelihood.recordings, found.likelihood.noise * found.noise_ratio)
+    return "" if lost is None else lost.says
 
 
 def answer(ended: ResultOutcome, found: Fit, figures: Figures, lacks: str) -> ShortAnswer:

@@ -14,9 +14,10 @@ from fidim_lab.effects.geometry.cable_geometry import AnchorOffset
 from fidim_lab.effects.geometry.frames import GravityTilt
 from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.figures import figures_of
-from fidim_lab.identification.mle.findings import outcome
+from fidim_lab.identification.mle.findings import cause, outcome
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.results.result import ResultOutcome
 from fidim_lab.model.mechanism import Mechanism
 
@@ -48,6 +49,15 @@ def test_what_dissipates_is_told(four: Robot, record: Record, effect: NamedEffec
 def test_what_keeps_the_energy_is_not(four: Robot, record: Record, effect: NamedEffect, theta: Sequence[float]) -> None:
     found = fitted(four, record, (effect,), theta)
     assert lost_energy(found.remainders, found.likelihood.noise) is None
+
+
+@pytest.mark.parametrize("dies", [True, False], ids=["dies", "keeps"])
+def test_a_search_that_found_no_motion_tells_by_the_recordings(four: Robot, record: Record, *, dies: bool) -> None:
+    effects, theta = ((RotationalDrag(),), (0.02,)) if dies else ((GravityTilt(),), (0.02, -0.01))
+    found = fitted(four, record, effects, theta)
+    optimum = replace(found.journey.optimum, ending=Ending.EXHAUSTED, foretold=())
+    lost = replace(found, journey=replace(found.journey, optimum=optimum), remainders=found.remainders[:1])
+    assert cause(lost, None).startswith("The recorded motion dies down in all 3 windows") == dies
 
 
 def made(rate: float, noise: float, size: float, seed: int) -> Remainder:
