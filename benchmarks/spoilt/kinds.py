@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from benchmarks.spoilt import headers, motion, samples
 from benchmarks.spoilt.spoiling import Kind, each
 
-FRAME = ("frame", "axes")
+OPEN = "a capture frame that is not the robot's or a marker that is not where the robot file has it"
+FRAME = ("otion capture's frame", "otion capture's axes", OPEN)
 HAND = ("not free", "a hand", "motion decays")
 GAPS = ("count as missing", "displaced or frozen", "repeats its value", "straight lines")
 STAMPS = ("times of arrival", "time stamps")
 FILTER = ("low-passed",)
-MARKER = ("arker is not where", "is not where the robot file has it", "frame")
+MARKER = ("is not where the robot file has it on the body, but", "is not where the robot file has it in", OPEN)
 
 NOTHING = Kind("nothing", alone=True)
 KINDS: Sequence[Kind] = (  # in the order in which they come about

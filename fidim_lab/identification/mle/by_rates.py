@@ -66,7 +66,7 @@ def identify_by_rates(campaign: Campaign, *, native: bool = False, predict: bool
         outcome,
         findings.answer(outcome, found, figures, ""),
         windows,
-        (*geometry_warnings(surveyed, geometry), *findings.warnings(found, figures, windows)),
+        (*geometry_warnings(surveyed, geometry, answers=outcome.answers), *findings.warnings(found, figures, windows)),
         noise_ratio=float(np.sqrt(found.excess)),
     )
     return replace(figures.result(campaign.name, robot, told, begin), geometry=geometry)

@@ -36,12 +36,16 @@ def told_geometry(surveyed: Surveyed, sd: Float[np.ndarray, " shared"] | None = 
     return Geometry(surveyed.weighed.chi2_gain, tuple(moved))
 
 
-def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
-    """Whether the file's geometry holds, what is off most, and what no recording shows."""
+def geometry_warnings(surveyed: Surveyed, told: Geometry, *, answers: bool) -> tuple[str, ...]:
+    """Whether the file's geometry holds, what is off most, and what no recording shows.
+
+    answers: whether the fit as a whole does. An open geometry takes up what is missing, and windows that are held out
+    show that.
+    """
     by_encoders = (says,) if (says := encoders_say(told.encoders, told.moved)) else ()
     if not surveyed.geometry:
         return by_encoders
-    explained = surveyed.found.explained
+    explained = surveyed.found.explained and answers
     moved = furthest(told, explained=explained)
     if moved and not explained:
         moved = f"{moved} Whether the geometry is wrong is not known before the cause is named (fidim explain)."
@@ -103,8 +107,8 @@ def furthest(told: Geometry, *, explained: bool) -> str:
     if explained:
         return f"Clearly wrong: {'; '.join(named)}."
     return (
-        f"The fit moved {'; '.join(named)}; but it leaves more than noise, and geometry that is left open takes up a "
-        "part of whatever is missing."
+        f"The fit moved {'; '.join(named)}; but the recordings are not explained, and geometry that is left open takes "
+        "up a part of whatever is missing."
     )
 
 

@@ -86,7 +86,11 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         outcome,
         findings.answer(outcome, found, figures, lacks),
         windows,
-        (*touched, *geometry_warnings(surveyed, geometry), *findings.warnings(found, figures, windows)),
+        (
+            *touched,
+            *geometry_warnings(surveyed, geometry, answers=outcome.answers),
+            *findings.warnings(found, figures, windows),
+        ),
         noise_ratio=float(np.sqrt(found.excess)),
     )
     return replace(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.equations.uncertainty import DRAWS, MIN_WINDOWS, SEED
 from fidim_lab.identification.mle.trajectories.normal import Reduced
 
@@ -62,8 +63,9 @@ class Combination:
     """sd along it, as a share of what is plausible beforehand; 1: the data say nothing"""
 
     def __str__(self) -> str:
-        parts = " ".join(f"{weight:+.2g} {name}" for name, weight in self.weights)
-        return f"{parts.removeprefix('+')} (in units of what is plausible)"
+        own = [f"{weight:+.2g} {name}" for name, weight in self.weights if name in PARAMETER_NAMES]
+        beside = " with what is fitted beside the body" if len(own) < len(self.weights) else ""
+        return f"{' '.join(own).removeprefix('+')}{beside} (in units of what is plausible)"
 
 
 def leave_one_out(

@@ -290,6 +290,8 @@ def test_one_equilibrium_leaves_combinations_open_and_says_which(four, record):
     assert worst.known > 0.1
     assert {name for name, _ in worst.weights} <= set(found.names)
     assert str(worst)
+    beside = replace(worst, weights=(("I_xz", 0.5), ("dx", 0.4), ("dx", -0.3)))
+    assert str(beside) == "0.5 I_xz with what is fitted beside the body (in units of what is plausible)"
     assert spread.bootstrap_sd(found.tables, found.prior_rows) is None
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Body, Campaign, Robot, Survey
+from fidim_lab.data.records import Body, Campaign, Robot, Role, Survey
 from fidim_lab.data.robot_file import read_robot, write_robot
 from fidim_lab.identification.equations.consistency import can_exist, nearest_existing
 from fidim_lab.identification.equations.estimators import Method
@@ -76,6 +76,16 @@ def test_a_marker_that_is_elsewhere_is_found_and_the_cables_stay_exact(campaign:
     assert np.abs(errors(found, true_body)).max() < 4
     assert found.outcome.answers
     assert any("Clearly wrong: marker by" in warning for warning in found.warnings)
+    # Held-out windows that go by another clock are not explained by it: then nothing is called wrong.
+    told = identified(
+        replace(
+            campaign,
+            robot=robot,
+            windows=tuple(replace(w, t=1.1 * w.t) if w.role is Role.VALIDATE else w for w in windows),
+        )
+    )
+    assert told.outcome is ResultOutcome.MISFIT
+    assert any("marker by" in warning and "are not explained" in warning for warning in told.warnings)
 
 
 def test_a_result_brings_each_of_several_markers_to_its_place(irma4: Robot) -> None:
