@@ -39,8 +39,6 @@ SQLITE, ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 MOST_STEPS = 20_000
 """times 100 000 steps of SQLite's machine: a bag of 512 MiB takes under 1000; a view may be made to run for ever"""
 MOST_TRACKS = 200
-JITTER = 0.05
-"""of a step, rms; from here on it is told that stamps jitter and samples are taken as even"""
 
 
 @dataclass(frozen=True)
@@ -209,7 +207,7 @@ def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]], still: Mappi
     labelled, positions, loose = apart(tuple(points), positions)
     tracked = tuple(way for name, one in bodies.items() for way in in_each_frame(one, kinds[name].frame, placed))
     return MarkerLog(
-        path, labelled, rate, t, positions, 1.0, "z", (*_said(seen, t, rate), *clock.says), tracked, loose,
+        path, labelled, rate, t, positions, 1.0, "z", (*_said(seen, rate), *clock.says), tracked, loose,
         unit_said=all(sighting.metric for rows in seen.values() for _, sighting in rows),
         began=float(stamps[0]) if stamps[0] > EPOCH else None, frames=above, breaks=clock.breaks,
     )  # fmt: skip
@@ -220,14 +218,11 @@ def _seven(sighting: Sighting) -> tuple[float, ...]:
     return (*sighting.place, *(sighting.quaternion or ()))
 
 
-def _said(seen: dict[str, list[tuple[float, Sighting]]], t: np.ndarray, rate: float) -> tuple[str, ...]:
+def _said(seen: dict[str, list[tuple[float, Sighting]]], rate: float) -> tuple[str, ...]:
     own = all(sighting.stamp is not None for rows in seen.values() for _, sighting in rows)
     metres = all(sighting.metric for rows in seen.values() for _, sighting in rows)
     said = [
         f"topics {', '.join(seen)[:200]}; {'metres and ' if metres else ''}z upwards by ROS's convention",
         f"{rate:.4g} Hz by the stamps of the {'messages' if own else 'recording, for the messages have none'}",
     ]
-    jitter = float(np.sqrt(np.mean((t * rate - np.rint(t * rate)) ** 2)))
-    if jitter > JITTER:
-        said.append(f"stamps jitter by {jitter:.0%} of a step (rms); the samples are taken as even")
     return tuple(said)

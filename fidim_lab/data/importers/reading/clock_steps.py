@@ -4,7 +4,7 @@ A computer that is told the time (NTP) sets its clock forwards or back. Over the
 then wrong, and with it every force: by 4 ms in 11 s an inertia was wrong by 50 stated standard deviations.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,10 @@ class SetClock:
     """a sentence each"""
     breaks: tuple[float, ...] = ()
     """s since the first stamp, half a step before a sample from which on it may be off by whole samples, too"""
+
+    def saying(self, sentence: str) -> "SetClock":
+        """With one sentence more."""
+        return replace(self, says=(*self.says, sentence))
 
 
 def without_steps(t: Series, slots: Series) -> tuple[Series, SetClock]:

@@ -46,8 +46,17 @@ def test_stamps_of_arrival_that_jitter_have_the_rate_of_all_steps(seed: int, tmp
     late = np.random.default_rng(seed).uniform(0.0, 2.0, 2000)
     stamps = np.delete(1.7e15 + 1e3 * (10.0 * np.arange(2000) + late), slice(700, 850))
     log = read_mapped(*files(tmp_path, stamps, MAP.replace('"ms"', '"us"')))
-    assert log.rate == pytest.approx(100.0, rel=2e-4)
+    assert log.rate == pytest.approx(100.0, rel=1e-5)
     assert np.rint(log.t * log.rate)[[0, 699, 700, -1]] == pytest.approx([0, 699, 850, 1999])
+    assert any(words.startswith("stamps jitter by 6% of a step") for words in log.decided)
+
+
+@pytest.mark.parametrize("began", [0.0, 0.3, 0.45])
+def test_stamps_in_whole_milliseconds_have_the_rate_of_all(began: float, tmp_path: Path):
+    """By the first and the last alone it was wrong by 1e-4, and inertias by many times their ±."""
+    log = read_mapped(*files(tmp_path, np.floor(1.7e12 + began + 1e3 * np.arange(1005) / 119.88)))
+    assert log.rate == pytest.approx(119.88, rel=1e-5)
+    assert not any("jitter" in words for words in log.decided)
 
 
 @given(began=st.floats(0.0, 86399.99), gap=st.integers(1, 500))
