@@ -17,6 +17,7 @@ from fidim_lab.identification.equations import total_least_squares
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.problem import Problem, build
 from fidim_lab.identification.mle import findings, held_out
+from fidim_lab.identification.mle.changed import changed
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.fit import Fit
@@ -82,6 +83,8 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     geometry = replace(told_geometry(surveyed), encoders=anchors_by_encoders([campaign]))
     outcome = findings.outcome(found, figures, windows)
     lacks = findings.cause(found, surveyed.exact)
+    if not (lacks or outcome.answers or soft is not None):
+        lacks = changed(mechanism, [window for window in campaign.windows if window.id not in odd])
     told = findings.FitAnswer(
         outcome,
         findings.answer(outcome, found, figures, lacks),
