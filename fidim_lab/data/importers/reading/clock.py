@@ -103,7 +103,7 @@ def clocked(
 
 
 def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, SetClock]:
-    """Times since the first one (s) and rate of stamps that increase in even steps, with gaps; what is said of the clock.
+    """Times since the first one (s) and rate of stamps that increase in even steps, with gaps; and of the clock.
 
     The times are even: those of the line through all stamps. The first and the last alone, off by a millisecond or
     rounded to it, give a rate that is wrong by 1e-4 in 10 s, and inertias by 2e-4: many times their ±.

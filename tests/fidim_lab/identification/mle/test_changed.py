@@ -1,4 +1,4 @@
-"""A payload that was put on for some windows is seen in these; what is missing in all windows is not called a change."""
+"""A payload that was put on for some windows is seen in these; what is missing in all is not called a change."""
 
 import numpy as np
 import pytest
