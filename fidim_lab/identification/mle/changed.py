@@ -3,8 +3,8 @@
     changed(mechanism, windows)          a sentence, "" where the windows show no such place
 
 Asked where one body and an open geometry do not explain a campaign. Three windows from either end of it are fitted;
-where one body explains them, each further window is predicted with it. Where something was changed, some of these agree and
-others contradict. Missing physics is in all of them: then three are not explained either.
+where one body explains them, each further window is predicted with it. Where something was changed, some of these agree
+and others contradict. Missing physics is in all of them: then three are not explained either.
 """
 
 from collections.abc import Sequence
@@ -55,6 +55,6 @@ def _agrees(found: Fit, window: Window) -> bool:
 def _says(same: Sequence[str], other: Sequence[str]) -> str:
     return (
         f"One body explains windows {', '.join(same)}, and contradicts all of {', '.join(other)}: something was "
-        "changed between them, such as a payload, cameras or their frame, a marker, or an anchor. Identify each of the two "
-        "groups by itself."
+        "changed between them, such as a payload, cameras or their frame, a marker, or an anchor. Identify each of the "
+        "two groups by itself."
     )
