@@ -85,7 +85,9 @@ def explain(
             common = partial(elastic, searched, soft)
         if soft is not None or not _has_law(whole, judged, audited):
             tried, longer = last.found.tried, budget.for_whole_windows
-            whole = with_whole_motion(whole, searched, common, tried, longer, say, without)
+            whole, completed = with_whole_motion(whole, searched, common, tried, longer, say, without)
+            if completed is not None:
+                audited = without_needless_contacts(cleaned, audited, completed)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 
@@ -106,7 +108,7 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     if found.best.is_white and judged.outdone_by is None:
         right = campaign if reached.errors is None else reached.errors.put_right(campaign)
         audited = without_needless(right, audited, found.best.model)
-    if told.unknown is not None and audited.contacts:
+    if told.unknown is not None:
         audited = without_needless_contacts(cleaned, audited, told.unknown.fit)
     return audited
 

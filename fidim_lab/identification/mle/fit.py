@@ -209,7 +209,7 @@ def fit(
         )
     elsewhere = _begun_elsewhere(begun, journey)
     if elsewhere:
-        # orientations that nobody read were guessed by rests of the body as it was thought to be
+        # they were guessed by rests of the body as it was thought to be
         known = _begun(mechanism, nearest_possible(journey.optimum.point.body), windows, plausible)
         again = _grown(known, prior, hasty=hasty)
         if again is not None and _begun_elsewhere(known, again) < elsewhere:
@@ -237,9 +237,8 @@ def _grown(begun: "_Begun", prior: Prior, *, hasty: bool) -> Journey | None:
 
 
 def _begun_elsewhere(begun: "_Begun", journey: Journey) -> int:
-    """How many windows without lengths begin in a pose from which a cable is slack at once."""
-    blind = [not np.isfinite(recording.lengths).any() for recording in begun.likelihood.recordings]
-    return sum(blind[w] and time < TRUSTED for w, (time, _) in journey.slack.items())
+    """How many windows whose orientation nobody read begin in a pose from which a cable is slack at once."""
+    return sum(begun.guesses[w].is_open and time < TRUSTED for w, (time, _) in journey.slack.items())
 
 
 @dataclass(frozen=True, eq=False)

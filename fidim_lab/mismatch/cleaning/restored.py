@@ -80,17 +80,17 @@ def without_needless(recorded: Campaign, cleaned: Cleaned, model: Completed) -> 
     )
 
 
-def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) -> Cleaned:
-    """The audit's result without the contacts of windows that a model of what has no name follows like all others.
+def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, completed: Fit) -> Cleaned:
+    """The audit's result without the contacts of windows that the completed model follows like all others.
 
-    cleaned, audited: before and after the audit. unnamed: the fit with that model, of windows without the contacts;
-    it needs no whiteness, because such a model hardly ever leaves noise alone.
+    cleaned, audited: before and after the audit. completed: the fit, of windows without the contacts; it needs no
+    whiteness, because a model of what has no name, or of a real robot, hardly ever leaves noise alone.
     """
     touched = {contact.window for contact in audited.contacts}
-    likelihood = unnamed.likelihood
+    likelihood = completed.likelihood
     usual = [
         left.chi2_per_dof
-        for recording, left in zip(likelihood.recordings, unnamed.remainders, strict=True)
+        for recording, left in zip(likelihood.recordings, completed.remainders, strict=True)
         if not any(_of(recording.window.id, id) for id in touched)
     ]
     if not usual:
@@ -101,7 +101,7 @@ def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) 
         if window.id not in touched:
             continue
         try:
-            found = predicted(likelihood.mechanism, unnamed.values, prepare(window, robot), robot.sensors)
+            found = predicted(likelihood.mechanism, completed.values, prepare(window, robot), robot.sensors)
         except RefusedError:
             continue
         if not found.lost and found.remainder.chi2_per_dof < allowed:

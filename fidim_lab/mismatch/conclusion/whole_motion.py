@@ -9,6 +9,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.evidence import ODDS, GeometryOdds
+from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
@@ -39,8 +40,9 @@ def with_whole_motion(
     budget: Budget,
     say: Say,
     without: Collection[str] = (),
-) -> Explanation:
-    """The answer of whole windows to a verdict that leaves something open; as it was where they say no more.
+) -> tuple[Explanation, Fit | None]:
+    """The answer of whole windows to a verdict that leaves something open, and its fit; as it was, and None, where
+    they say no more.
 
     They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
     answer so far leaves of them (sums of squares), and less than any model so far. They are not asked where a model so
@@ -49,16 +51,16 @@ def with_whole_motion(
     """
     figures = [one.held_out for one in tried if not one.held_out.refused]
     if not campaign.of_role(Role.VALIDATE) or _follows(told, figures, campaign.robot):
-        return told
+        return told, None
     try:
         outcome = search(campaign, common(), budget, say, without)
     except RefusedError as refusal:
         say(str(refusal))
-        return told
+        return told, None
     base, best = outcome.base, outcome.best
     if not best.size or taken(base, best) < SHARED.half or not _leaves_less(best, told, figures):
-        return told
-    return _told(told, outcome, campaign)
+        return told, None
+    return _told(told, outcome, campaign), best.found
 
 
 def _follows(told: Explanation, figures: Sequence[HeldOut], robot: Robot) -> bool:

@@ -60,6 +60,8 @@ class Guess:
     twist: Float[np.ndarray, "6"]
     misfit: float
     """largest distance between a marker and where the guess has it, m"""
+    is_open: bool = False
+    """whether neither lengths nor markers told the orientation"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +146,7 @@ def as_states(guesses: Sequence[Guess]) -> States:
 def _guess(opening: _Opening, pose: Pose, twist: np.ndarray) -> Guess | RefusedError:
     misfit = opening.misfit(pose)
     if misfit < CONTRADICTION:
-        return Guess(pose.position, pose.rotation, twist, misfit)
+        return Guess(pose.position, pose.rotation, twist, misfit, opening.is_open)
     return RefusedError(
         f"Window {opening.recording.window.id}: no pose has these cable lengths and its markers within "
         f"{CONTRADICTION * 1e3:.0f} mm ({misfit * 1e3:.0f} mm are left).",
