@@ -1,8 +1,10 @@
 """The equations of motion of a window in small pieces: the imbalance that a hand on the platform leaves.
 
 With locked motors the Newton–Euler equations, projected on the twists that the cables leave free, balance by
-themselves (Eq. 21). Markers are differentiated by a quartic through `HALF` seconds on either side of each node: short
-enough to say when a hand lets go, and with nodes up to the ends of a recording.
+themselves (Eq. 21). Markers are differentiated by a polynomial through `HALF` seconds on either side of each node:
+short enough to say when a hand lets go, and with nodes up to the ends of a recording. A quartic has little noise, and
+rounds off sharp turns, which ill-placed markers magnify: where it loses more than a finer polynomial has noise, that
+one is taken.
 """
 
 from dataclasses import dataclass, replace
@@ -22,9 +24,9 @@ EVERY = 0.1
 """s between nodes"""
 HALF = 0.15
 """s on either side of a node: swings of 3 Hz lose a twentieth of their acceleration"""
-DEGREE = 4
+DEGREES = (4, 6)
 SPARE = 3
-"""samples beyond the coefficients of the quartic, without which a node is not judged"""
+"""samples beyond the coefficients of the polynomial, without which a node is not judged"""
 ASTRAY = 0.02
 """m between markers and pose, rms, beyond which a node says nothing of forces: it is no pose of this robot"""
 
@@ -52,7 +54,7 @@ def balance(mechanism: Mechanism, window: Window) -> WindowBalance | None:
     seen = np.isfinite(window.markers).all(axis=2).mean(axis=0) > 0.5
     if not seen.any():
         return None
-    nodes = _differentiated(window, np.flatnonzero(seen))
+    nodes = _differentiated(window, np.flatnonzero(seen), robot.sensors.marker_noise)
     if len(nodes.t) < SPARE:
         return None
     try:
@@ -106,8 +108,18 @@ class _Nodes:
         return _Nodes(self.t[use], self.place[use], self.speed[use], self.acceleration[use], self.gains[use])
 
 
-def _differentiated(window: Window, markers: np.ndarray) -> _Nodes:
-    """Quartics through the samples about each node, of all these markers; without nodes where one lacks samples."""
+def _differentiated(window: Window, markers: np.ndarray, noise: float) -> _Nodes:
+    """By the polynomial whose errors, of what it rounds off and of noise (m), are smaller over the window."""
+    coarse, finer = (_by_polynomials(window, markers, degree) for degree in DEGREES)
+    if len(finer.t) < len(coarse.t) or not len(coarse.t):
+        return coarse
+    differ = ((finer.acceleration - coarse.acceleration) ** 2).mean()
+    by_noise = noise**2 * ((finer.gains**2).mean() - (coarse.gains**2).mean())
+    return finer if differ - by_noise > by_noise else coarse  # rounded off by the one; more noise of the other
+
+
+def _by_polynomials(window: Window, markers: np.ndarray, degree: int) -> _Nodes:
+    """Through the samples about each node, of all these markers; without nodes where one lacks samples."""
     t, tracks = window.t, window.markers[:, markers].reshape(len(window.t), -1)
     whole = np.isfinite(tracks).all(axis=1)
     t, tracks = t[whole], tracks[whole]
@@ -116,12 +128,12 @@ def _differentiated(window: Window, markers: np.ndarray) -> _Nodes:
     if len(t):
         for at in np.arange(window.t[0] + HALF, window.t[-1] - HALF + 1e-9, EVERY):
             begin, end = np.searchsorted(t, (at - HALF - 1e-9, at + HALF + 1e-9))
-            if end - begin < DEGREE + 1 + SPARE or not (t[begin] < at - HALF / 2 and t[end - 1] > at + HALF / 2):
+            if end - begin < degree + 1 + SPARE or not (t[begin] < at - HALF / 2 and t[end - 1] > at + HALF / 2):
                 continue
-            powers = np.vander((t[begin:end] - at) / HALF, DEGREE + 1, increasing=True)
-            quartic = np.linalg.pinv(powers)
-            found.append((float(at), quartic[:3] @ tracks[begin:end]))
-            gains.append(2 / HALF**2 * float(np.linalg.norm(quartic[2])))
+            powers = np.vander((t[begin:end] - at) / HALF, degree + 1, increasing=True)
+            fitted = np.linalg.pinv(powers)
+            found.append((float(at), fitted[:3] @ tracks[begin:end]))
+            gains.append(2 / HALF**2 * float(np.linalg.norm(fitted[2])))
     times = np.array([at for at, _ in found])
     values = np.array([one for _, one in found]).reshape(len(found), 3, len(markers), 3)
     return _Nodes(times, values[:, 0], values[:, 1] / HALF, 2 * values[:, 2] / HALF**2, np.array(gains))

@@ -174,7 +174,7 @@ def _robust_body(
 def _disturbed(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
     """Nodes at which the platform is not free."""
     left, inertial = _forces(one, chi, rule)
-    own = np.maximum(np.median(left), _averaged(one.t, one.noise, rule))
+    own = max(float(np.median(left)), float(np.median(one.noise)))
     unmoved = left > rule.share**2 * inertial
     found = unmoved & (left > rule.above**2 * own)
     found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own)
@@ -195,13 +195,15 @@ def _says(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule
 
 
 def _forces(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> tuple[Series, Series]:
-    """Squares of what is left over and of the inertial forces, averaged.
+    """Squares of what is left over and of the inertial forces, averaged, each node weighed by how well it is shown.
 
+    Where markers hardly show the motion, errors of rates grow as noise does, and then once more as accelerations.
     Of what is left over without what one node has alone: its neighbours share samples with it, and feel a force, while
     noise can put a single pose far away where a mode turns.
     """
-    left, inertial = (((rows @ chi) ** 2).sum(axis=1) for rows in (one.left, one.inertial))
-    return _averaged(one.t, median_filter(left, size=3, mode="nearest"), rule), _averaged(one.t, inertial, rule)
+    worse = np.maximum(one.noise / np.median(one.noise), 1.0) ** 2
+    left, inertial = (((rows @ chi) ** 2).sum(axis=1) / worse for rows in (one.left, one.inertial))
+    return _averaged(one.t, median_filter(left, size=3, mode="mirror"), rule), _averaged(one.t, inertial, rule)
 
 
 def _averaged(t: Series, squares: Series, rule: FreeMotionRule) -> Series:
