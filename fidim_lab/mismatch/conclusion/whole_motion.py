@@ -41,10 +41,9 @@ def with_whole_motion(
     say: Say,
     without: Collection[str] = (),
 ) -> tuple[Explanation, Fit | None]:
-    """The answer of whole windows to a verdict that leaves something open, and its fit; as it was, and None, where
-    they say no more.
+    """The answer of whole windows to a verdict that leaves something open, with its fit.
 
-    They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
+    Where they say no more, the answer as it was, and None. They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
     answer so far leaves of them (sums of squares), and less than any model so far. They are not asked where a model so
     far predicts them: it may be one of cables that stretch, which are not tried again where they are rigid here.
     common: makes what every model contains. tried: all models so far.
