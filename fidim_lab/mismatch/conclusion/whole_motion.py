@@ -43,9 +43,10 @@ def with_whole_motion(
 ) -> tuple[Explanation, Fit | None]:
     """The answer of whole windows to a verdict that leaves something open, with its fit.
 
-    Where they say no more, the answer as it was, and None. They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
-    answer so far leaves of them (sums of squares), and less than any model so far. They are not asked where a model so
-    far predicts them: it may be one of cables that stretch, which are not tried again where they are rigid here.
+    Where they say no more, the answer as it was, and None. They say more where all terms together take half of what
+    held-out windows lack, and leave at most half of what the answer so far leaves of them (sums of squares), and less
+    than any model so far. They are not asked where a model so far predicts them: it may be one of cables that stretch,
+    which are not tried again where they are rigid here.
     common: makes what every model contains. tried: all models so far.
     """
     figures = [one.held_out for one in tried if not one.held_out.refused]
