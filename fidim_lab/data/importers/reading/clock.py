@@ -15,6 +15,8 @@ from fidim_lab.errors import FileError
 HERTZ = re.compile(r"\s*hz\s*$", re.IGNORECASE)
 UNEVEN = 0.45
 """of a step, by which a stamp may be away from even steps: more, and two samples share one"""
+LINED = 16
+"""stamps for a first line: by it the next as many are counted right up to a jitter of a fifth of a step"""
 JITTER = 0.05
 """of a step, rms, by which stamps may be away from even steps without a word"""
 SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
@@ -121,19 +123,42 @@ def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, SetClock]:
         raise FileError(path, "time", what, hint=f"{ONE_TAKE} Where its clock was set back, cut the file there.")
     t = t - t[0]
     rate = _counted_rate(path, steps, float(1.0 / np.median(steps)))
-    t, clock = without_steps(t, np.append(0.0, np.cumsum(np.rint(steps * rate))))
-    rate = _counted_rate(path, np.diff(t), rate)
-    begin, step = _line(np.rint(t * rate), t)
-    rate, slots = 1.0 / step, np.rint((t - begin) / step)
-    off = np.abs((t - begin) / step - slots)
-    if off.max() > UNEVEN or (np.diff(slots) == 0.0).any():
+    slots, step, off, clock = _evened(t, _counted_along(t, 1.0 / rate))
+    if np.abs(off).max() > UNEVEN:  # a line does not go on where a clock was set
+        slots, step, off, clock = _evened(t, np.append(0.0, np.cumsum(np.rint(steps * rate))))
+    rate = 1.0 / step
+    if np.abs(off).max() > UNEVEN or (np.diff(slots) == 0.0).any():
         hint = "Export the camera's own times or frame numbers (with --rate), instead of times of arrival."
-        what = f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering."
+        what = f"stamps are not in even steps of {step:.4g} s: bunched or jittering."
         raise FileError(path, "time", what, hint=hint)
     jitter = float(np.sqrt(np.mean(off**2)))
     if jitter > JITTER:
         clock = clock.saying(f"stamps jitter by {jitter:.0%} of a step (rms); the samples are taken as even")
     return check_long(path, (slots - slots[0]) * step, rate), rate, clock
+
+
+def _evened(
+    t: Float[np.ndarray, " N"], counts: Float[np.ndarray, " N"]
+) -> tuple[Float[np.ndarray, " N"], float, Float[np.ndarray, " N"], SetClock]:
+    """Samples counted along the line through stamps, its step (s), what they are off it (steps), and set clocks."""
+    t, clock = without_steps(t, counts)
+    begin, step = _line(counts, t)
+    places = (t - begin) / step
+    slots = np.rint(places)
+    return slots, step, places - slots, clock
+
+
+def _counted_along(t: Float[np.ndarray, " N"], step: float) -> Float[np.ndarray, " N"]:
+    """Samples since the first, by a line through more and more of them.
+
+    Where stamps jitter by a tenth of a step, one step in two thousand is counted wrongly by itself.
+    """
+    begin, known = 0.0, LINED
+    while known < len(t):
+        begin, step = _line(np.rint((t[:known] - begin) / step), t[:known])
+        known *= 2
+    counts = np.rint((t - begin) / step)
+    return counts - counts[0]
 
 
 def _line(counts: Float[np.ndarray, " N"], t: Float[np.ndarray, " N"]) -> tuple[float, float]:
