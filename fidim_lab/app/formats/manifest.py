@@ -5,7 +5,6 @@ and exports are left out: they can be made again. The same run gives the same by
 """
 
 import hashlib
-import json
 import os
 import platform
 import subprocess
@@ -17,6 +16,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.data.files.input_file import open_input
+from fidim_lab.data.files.json_file import write_json
 from fidim_lab.data.files.mistakes import read_json_as
 from fidim_lab.errors import FileError
 from procedures.recording.disk import disk_error, sync
@@ -69,12 +69,9 @@ class Manifest(_Part):
 def write_manifest(folder: Path) -> Path:
     """Write it whole or not at all, on the disk when this returns. Raises HardwareError when the disk fails."""
     path = folder / MANIFEST
-    part = path.with_name(f"{MANIFEST}.part")
     made = Manifest(format=FORMAT, software=software(), files=file_entries(folder))
     try:
-        part.write_text(json.dumps(made.model_dump(), indent=1) + "\n", encoding="utf-8")
-        sync(part)
-        part.replace(path)
+        write_json(path, made.model_dump())
         sync(folder)
     except OSError as error:
         raise disk_error(path, error) from error

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fidim_lab.data.files.whole_file import put_whole
 from fidim_lab.errors import FileError, RefusedError
 
 if TYPE_CHECKING:
@@ -41,10 +42,8 @@ def write_page(rendered: "Rendered", path: Path, pictures: Path | None) -> Path:
     """Write a page whole or not at all, and its pictures where asked for; returns its path. Raises FileError."""
     from fidim_lab.app.report.drawings.drawing import write_pictures
 
-    part = path.with_name(path.name + ".part")
     try:
-        part.write_text(rendered.html, encoding="utf-8", newline="\n")
-        part.replace(path)
+        put_whole(path, rendered.html)
     except OSError as error:
         raise FileError(path, "", f"cannot be written: {error.strerror}") from None
     if pictures is not None:
