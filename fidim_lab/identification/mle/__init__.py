@@ -9,5 +9,6 @@ that state's prior, the encoder's resolution.
     trajectories   recordings against simulations: likelihood, normal equations, optimum over a growing horizon
     starts         first guesses
     spread         covariance, bootstrap, jackknife, undetermined combinations
+    odd_windows    windows, and parts of them, that one body in free motion does not explain
     judge          residuals of a window: χ²/dof, rms, whiteness, noise; held_out: windows the fit has not seen
 """

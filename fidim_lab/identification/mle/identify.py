@@ -17,17 +17,21 @@ from fidim_lab.identification.equations import total_least_squares
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.problem import Problem, build
 from fidim_lab.identification.mle import findings, held_out
-from fidim_lab.identification.mle.changed import changed
 from fidim_lab.identification.mle.encoder_zeros import anchors_by_encoders
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import Surveyed, begin_surveyed, fit_surveyed
 from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_geometry
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.odd_window import contradicts, costs_much, misses_much, odd_window, taken_in_again
-from fidim_lab.identification.mle.soft import SoftFit, fit_soft
-from fidim_lab.identification.mle.starts.contradiction import contradicting
-from fidim_lab.identification.mle.touched import (
+from fidim_lab.identification.mle.odd_windows.changed import changed
+from fidim_lab.identification.mle.odd_windows.odd_window import (
+    contradicts,
+    costs_much,
+    misses_much,
+    odd_window,
+    taken_in_again,
+)
+from fidim_lab.identification.mle.odd_windows.touched import (
     IN_VAIN,
     LEFT_OUT,
     TouchedEnd,
@@ -36,6 +40,8 @@ from fidim_lab.identification.mle.touched import (
     together,
     untouched,
 )
+from fidim_lab.identification.mle.soft import SoftFit, fit_soft
+from fidim_lab.identification.mle.starts.contradiction import contradicting
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.undetermined import tried_out

@@ -34,7 +34,7 @@ from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.touched import LEFT_OUT, left_by_window, untouched
+from fidim_lab.identification.mle.odd_windows.touched import LEFT_OUT, left_by_window, untouched
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
 from fidim_lab.model.mechanism import Mechanism

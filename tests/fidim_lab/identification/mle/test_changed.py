@@ -5,8 +5,8 @@ import pytest
 
 from fidim_lab.data.records import Body, Campaign, Robot, Window
 from fidim_lab.effects.dissipation.drag import RotationalDrag
-from fidim_lab.identification.mle.changed import changed
 from fidim_lab.identification.mle.identify import identify
+from fidim_lab.identification.mle.odd_windows.changed import changed
 from fidim_lab.model.mechanism import Mechanism
 
 from .conftest import Record, true_body

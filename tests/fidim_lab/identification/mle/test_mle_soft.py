@@ -15,9 +15,9 @@ from fidim_lab.identification.calibration.stretch import seen_stretch
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.frames import MarkerSet, free_frames
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.odd_windows.touched import TouchedEnd, together, untouched
 from fidim_lab.identification.mle.soft import fit_soft, working_noise
 from fidim_lab.identification.mle.starts.start import first_guess
-from fidim_lab.identification.mle.touched import TouchedEnd, together, untouched
 from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged

@@ -15,7 +15,7 @@ from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import begin_surveyed
-from fidim_lab.identification.mle.odd_window import FEWEST
+from fidim_lab.identification.mle.odd_windows.odd_window import FEWEST
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.mechanism import Mechanism
 
