@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.stats import norm
 
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.spread import Quadratic
@@ -33,6 +34,8 @@ SPREAD_OF_FACTORS = np.log(3.0)
 """standard deviation of the factor's logarithm about 0, before any data: two of three surveys are within a factor 3"""
 SAME = 1.3
 """factors nearer than this change standard deviations by less than the spread of 24 draws tells"""
+TAIL = 3.0
+"""sd within which an answer is to be right: what lies beyond as often as by a normal distribution is told as its sd"""
 COARSE = 4
 """step through `FACTORS` where two of them are sought: 0.47 of a logarithm; the best of them is within `SAME`"""
 
@@ -130,7 +133,7 @@ class GeometryOdds:
     """An open geometry against the exact one."""
 
     factors: Factors = ALL_EXACT
-    """what is left open; the most likely factors of it"""
+    """what is left open, and how wide"""
     log_bayes: float | None = None
     """nats by which it leads, averaged over the factors' prior; of what was tried where all counts as exact; None where
     the survey is stated"""
@@ -176,7 +179,7 @@ class _One:
 
     log_bayes: float
     factors: tuple[float, float]
-    """of cables and markers"""
+    """of cables and markers: as wide as the recordings allow"""
     gain: float
 
 
@@ -191,8 +194,9 @@ class _Tried:
     def of(self, free: Bool[np.ndarray, " theta"]) -> _One:
         """One of the two by one factor."""
         found = [self._at(factor * self.survey, free) for factor in FACTORS]
-        log_bayes, best = over_factors(np.array([evidence for evidence, _ in found]))
-        factor = float(FACTORS[best])
+        evidences = np.array([evidence for evidence, _ in found])
+        log_bayes, best = over_factors(evidences)
+        factor = float(FACTORS[best]) if log_bayes < ODDS else as_wide(evidences + _prior(FACTORS), FACTORS)
         return _One(log_bayes, (factor, factor), found[best][1])
 
     def of_both(self, one: Bool[np.ndarray, " theta"], other: Bool[np.ndarray, " theta"]) -> _One:
@@ -202,14 +206,31 @@ class _Tried:
         pairs = [(a, b) for a in grid for b in grid]
         found = [self._at(np.where(one, a, b) * self.survey, every) for a, b in pairs]
         prior = (_prior(grid)[:, np.newaxis] + _prior(grid)).ravel()
-        log_bayes, best = _averaged(np.array([evidence for evidence, _ in found]), prior)
-        return _One(log_bayes, pairs[best], found[best][1])
+        evidences = np.array([evidence for evidence, _ in found])
+        log_bayes, best = _averaged(evidences, prior)
+        if log_bayes < ODDS:
+            return _One(log_bayes, pairs[best], found[best][1])
+        odds = (evidences + prior).reshape(len(grid), len(grid))
+        wide = tuple(as_wide(np.logaddexp.reduce(odds, axis=axis), grid) for axis in (1, 0))
+        return _One(log_bayes, (wide[0], wide[1]), found[best][1])
 
     def _at(self, sd: Float[np.ndarray, " theta"], free: Bool[np.ndarray, " theta"]) -> tuple[float, float]:
         """Evidence with these standard deviations, and the fall of the sum of squares."""
         there, temper = self.problem.settled(sd, free)
         gain = (self.before - there.left) / temper
         return 0.5 * (gain - there.strain - there.occam + self.problem.occam_of_body(temper)), gain
+
+
+def as_wide(odds: Float[np.ndarray, " F"], factors: Float[np.ndarray, " F"]) -> float:
+    """The factor whose normal distribution has as much beyond `TAIL` of its sd as all factors together, by their odds.
+
+    Few pieces that are seen tell the factor of the others badly: of two, it is three times what the likeliest one is.
+    odds: logarithms, up to a constant.
+    """
+    weights = np.exp(odds - np.logaddexp.reduce(odds))
+    places = np.geomspace(factors[0], factors[-1], 400)
+    beyond = norm.sf(TAIL * places[:, np.newaxis] / factors) @ weights
+    return float(np.interp(-norm.sf(TAIL), -beyond, places))
 
 
 def _prior(factors: Float[np.ndarray, " F"]) -> Float[np.ndarray, " F"]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fidim_lab.identification.mle.evidence import Linearised
+from fidim_lab.identification.mle.evidence import FACTORS, SPREAD_OF_FACTORS, Linearised, as_wide
 from fidim_lab.model.sensitivity.equations import BODY
 
 ROWS, THETA = 60, 5
@@ -60,3 +60,17 @@ def test_noise_is_what_the_best_point_leaves(design: Design) -> None:
     problem = linearised(matrix, data, np.zeros(BODY + THETA))
     there, temper = problem.settled(np.full(THETA, 10.0))
     assert temper == pytest.approx(there.left / problem.dof, rel=1e-3)
+
+
+@pytest.mark.parametrize("seen", [1, 2, 12])
+def test_what_is_not_seen_is_within_three_sd_however_few_pieces_tell_how_far_they_are_off(seen: int) -> None:
+    """By the likeliest factor a marker was 7.6 ± off across what two cables show of it, with exit 0."""
+    random, outside, by_likeliest, draws = np.random.default_rng(1), 0, 0, 3000
+    prior = -0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2
+    for factor in np.exp(SPREAD_OF_FACTORS * random.standard_normal(draws)):
+        off = factor * random.standard_normal(seen + 1)
+        odds = prior - seen * np.log(FACTORS) - 0.5 * float(off[1:] @ off[1:]) / FACTORS**2
+        outside += abs(off[0]) > 3 * as_wide(odds, FACTORS)
+        by_likeliest += abs(off[0]) > 3 * FACTORS[np.argmax(odds)]
+    assert outside / draws < 0.008  # 0.003 and what 3000 draws scatter by, three times
+    assert by_likeliest > 3 * outside or seen > 2
