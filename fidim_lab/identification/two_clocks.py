@@ -102,12 +102,15 @@ def by_both(
     said = f"{clocks.says} "
     usual = max(1.0, min(one.noise_ratio or 1.0 for one in (first, second)) ** 2)
     unlike = {w.id for one in (first, second) for w in one.windows if w.chi2_per_dof is None}
-    leads = (
+    leads = [
         (second.outcome.answers - first.outcome.answers, 0.0, "with the other, the model does not explain them"),
         (_left_out(first) - _left_out(second), 0.0, "with the other, windows contradict each other"),
-        (_is_bent(first) - _is_bent(second), 0.0, "with the other, the robot file's geometry does not hold"),
-        ((_chi2(first, unlike) - _chi2(second, unlike)) / usual, CERTAIN, "χ² is {:.0f} less"),
-    )
+    ]
+    if _shows_all(first) and _shows_all(second):  # else χ² differs by where the search ends in a flat valley
+        leads += [
+            (_is_bent(first) - _is_bent(second), 0.0, "with the other, the robot file's geometry does not hold"),
+            ((_chi2(first, unlike) - _chi2(second, unlike)) / usual, CERTAIN, "χ² is {:.0f} less"),
+        ]
     for lead, least, why in leads:
         if abs(lead) > least:
             better, rate = (second, other) if lead > 0 else (first, now)
@@ -120,6 +123,11 @@ def by_both(
         "other. Correct the wrong one."
     )
     return replace(_widened(first, second), warnings=(said, *first.warnings))
+
+
+def _shows_all(result: IdentificationResult) -> bool:
+    """Whether the recordings determine every parameter."""
+    return all(one.seen for one in result.parameters.values())
 
 
 def _is_bent(result: IdentificationResult) -> bool:

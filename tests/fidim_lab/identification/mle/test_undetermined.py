@@ -14,6 +14,8 @@ from fidim_lab.data.records import Body, Campaign, Role
 from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.cleaning.free_motion import hands
 from fidim_lab.identification.data_checks.robot_mistakes import find_mistakes
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.identify import identify as identify_with_checks
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.identify import identify
 from fidim_lab.identification.mle.spread import Quadratic
@@ -79,8 +81,8 @@ def test_an_estimate_at_the_edge_of_what_can_move_is_no_determined_one():
 @pytest.mark.shared
 @pytest.mark.parametrize("name", ["yaw-only-30Hz", "yaw-only-bifilar", "yaw-only-lengths"])
 def test_a_pendulum_that_another_program_simulated_shows_its_moment(shared: Path, name: str) -> None:
-    """Also where the search for all windows gets stuck before their best starts."""
-    found = identify(read_campaign(shared / "cases" / "recordings" / name), native=True)
+    """Also where the search for all windows gets stuck before their best starts, and where 30 Hz may be 29.97."""
+    found = identify_with_checks(read_campaign(shared / "cases" / "recordings" / name), Method.MLE, native=True)
     about_axis = found.parameters["I_zz"]
     assert about_axis.seen
     assert about_axis.sd < 0.05 * about_axis.value
