@@ -5,16 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Campaign, Robot, Window
+from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.identification.markers.finding import DefectKind, Finding
+from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
-from fidim_lab.mismatch.cleaning.restored import restored, without_needless
+from fidim_lab.mismatch.cleaning.restored import restored, without_needless, without_needless_contacts
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.select import select
+from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
@@ -45,6 +47,14 @@ def touched(irma4: Robot) -> tuple[Cleaned, Completed]:
     audited = cut(cleaned, hand("i02", 2.8, 4.2), hand("i04", 2.0, 3.0))
     found = select(fit_baseline(audited.campaign, native=False, say=lambda _: None), lambda _: None)
     return cleaned, found.best.model
+
+
+def test_a_contact_in_a_window_that_the_completed_fit_follows_like_all_others_is_not_told(irma4: Robot) -> None:
+    cleaned = clean(recorded(irma4, HAND))
+    true, false = hand("i02", 2.8, 4.2), hand("i04", 2.0, 3.0)
+    audited = cut(cleaned, true, false)
+    completed = fit(Mechanism(irma4), audited.campaign.of_role(Role.IDENTIFY))
+    assert without_needless_contacts(cleaned, audited, completed).contacts == (true,)
 
 
 @pytest.mark.slow
