@@ -23,8 +23,9 @@ ANGLES = (VECTOR, *map("".join, permutations("XYZ")))
 
 def by_quaternions(path: Path, name: str, positions: Positions, xyzw: Float[np.ndarray, "N 4"]) -> BodyTrack:
     """A body from places, m, and quaternions x, y, z, w. Raises FileError where one is not of unit length."""
-    norm = np.linalg.norm(xyzw, axis=1)
-    seen = np.isfinite(positions).all(axis=1) & np.isfinite(norm) & (norm > 0.0)
+    with np.errstate(over="ignore"):
+        norm = np.linalg.norm(xyzw, axis=1)
+    seen = np.isfinite(positions).all(axis=1) & np.isfinite(xyzw).all(axis=1) & (norm > 0.0)
     _refuse(path, name, seen & (np.abs(norm - 1.0) > OFF), "a quaternion whose length is not 1")
     rotations = np.full((len(xyzw), 3, 3), np.nan)
     if seen.any():
@@ -48,8 +49,10 @@ def by_matrices(path: Path, name: str, positions: Positions, matrices: Rotations
     finite = np.isfinite(positions).all(axis=1) & np.isfinite(matrices).all(axis=(1, 2))
     seen = np.asarray(finite & (matrices != 0.0).any(axis=(1, 2)))
     known = np.where(seen[:, None, None], matrices, np.eye(3))
-    product = known @ known.swapaxes(1, 2)
-    wrong = np.asarray((np.abs(product - np.eye(3)).max(axis=(1, 2)) > OFF) | (np.linalg.det(known) < 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = known @ known.swapaxes(1, 2)
+        near = np.abs(product - np.eye(3)).max(axis=(1, 2)) <= OFF
+        wrong = np.asarray(~(near & (np.linalg.det(known) > 0.0)))
     _refuse(path, name, wrong, "a matrix that is not a rotation")
     turned = Rotation.from_matrix(known).as_matrix()
     rotations = np.where(seen[:, None, None], turned, np.nan)

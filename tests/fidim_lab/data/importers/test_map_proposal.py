@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -122,6 +122,8 @@ VALUES = st.recursive(
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(value=VALUES, rows=st.integers(1, 25), lines=st.booleans())
+@example(value=[0.0, *[None] * 6, 0.0, 0.0, 0.0, 1.4e154, None, None, *[0.0] * 7], rows=7, lines=False)
+@example(value=[*[0.0] * 10, 1.4e154, 0.0, 0.0, *[1.4e154] * 7], rows=7, lines=False)
 def test_any_json_is_a_table_or_a_sentence(tmp_path, value, rows, lines):
     path, map_file = tmp_path / "take.json", tmp_path / "map.toml"
     texts = [json.dumps({"t": k, "v": value}) for k in range(rows)]
