@@ -25,6 +25,7 @@ EVERY = 0.1
 HALF = 0.15
 """s on either side of a node: swings of 3 Hz lose a twentieth of their acceleration"""
 DEGREES = (4, 6)
+"""of the two polynomials; an odd one has the accelerations of the even one below it"""
 SPARE = 3
 """samples beyond the coefficients of the polynomial, without which a node is not judged"""
 ASTRAY = 0.02
