@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import Series
 from fidim_lab.identification.mle.judge import Remainder
@@ -35,44 +35,33 @@ DISSIPATES = (
     "brakes it."
 )
 SEEN = 2.0
-"""times what noise adds to the squares that there must be in every part"""
+"""times what noise adds to the squares that there must be in a part to show the motion"""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """The rate of energy loss."""
+    """The rate at which the squares of the markers' velocities fall."""
 
     rate: float
-    """1/s, of the energy, beyond what the model loses"""
+    """1/s; of energy"""
     windows: int
+    lost_by_model: bool
+    """whether what the model itself loses is taken off; else there was no motion of the model to compare with"""
 
     @property
     def says(self) -> str:
         """A sentence for a person."""
+        half, windows = plain(float(np.log(2.0)) / self.rate, 2), f"in all {self.windows} windows"
+        if self.lost_by_model:
+            begin = "The recorded motion decays, that of the model does not: half of its energy is lost in "
+            return f"{begin}{half} s, {windows}. {DISSIPATES}"
         return (
-            f"The recorded motion decays, that of the model does not: half of its energy is lost in "
-            f"{plain(float(np.log(2.0)) / self.rate, 2)} s, in all {self.windows} windows. {DISSIPATES}"
+            f"The recorded motion dies down {windows} (the squares of its speeds halve in {half} s), and the model "
+            f"keeps its energy. {DISSIPATES}"
         )
 
 
-@dataclass(frozen=True)
-class Decay:
-    """The rate at which recorded motion dies down, whatever any model says."""
-
-    rate: float
-    """1/s, of the squares of the markers' velocities"""
-    windows: int
-
-    @property
-    def says(self) -> str:
-        """A sentence for a person."""
-        return (
-            f"The recorded motion dies down in all {self.windows} windows (the squares of its speeds halve in "
-            f"{plain(float(np.log(2.0)) / self.rate, 2)} s), and the model keeps its energy. {DISSIPATES}"
-        )
-
-
-def decays(recordings: Sequence[FollowedSamples], noise: float) -> Decay | None:
+def decays(recordings: Sequence[FollowedSamples], noise: float) -> Loss | None:
     """Motion that dies down from part to part of every window; None where one does otherwise.
 
     For a search that found no motion to compare with. One window in ten whose motion only beats falls so (of 120 of
@@ -82,7 +71,7 @@ def decays(recordings: Sequence[FollowedSamples], noise: float) -> Decay | None:
     known = [rate for rate in rates if rate is not None]
     if len(known) < max(FEWEST, len(rates)) or min(known) < LEAST:
         return None
-    return Decay(float(np.median(known)), len(known))
+    return Loss(float(np.median(known)), len(known), lost_by_model=False)
 
 
 def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
@@ -94,7 +83,7 @@ def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
     if len(rates) < FEWEST or (rates >= 0).any():
         return None
     mean, error = float(rates.mean()), float(rates.std(ddof=1) / np.sqrt(len(rates)))
-    return Loss(-mean, len(rates)) if mean < -max(LEAST, CERTAIN * error) else None
+    return Loss(-mean, len(rates), lost_by_model=True) if mean < -max(LEAST, CERTAIN * error) else None
 
 
 def _rate(left: Remainder, noise: float) -> float | None:
@@ -110,7 +99,7 @@ def _rate(left: Remainder, noise: float) -> float | None:
 def _fall(t: Series, markers: Float[np.ndarray, "T M 3"], noise: float) -> float | None:
     """1/s at which the squares fall; None where they rise from a part to the next, or noise hides the motion."""
     squares = _squares(t, markers, noise)
-    if squares is None or (np.diff(squares.sums / squares.counts) > 0).any():
+    if squares is None or (squares.seen[1:] & (np.diff(squares.sums / squares.counts) > 0)).any():
         return None
     return float(-np.polyfit(squares.times, np.log(squares.sums / squares.counts), 1)[0])
 
@@ -120,12 +109,13 @@ class _Squares(NamedTuple):
 
     times: Float[np.ndarray, " parts"]
     sums: Float[np.ndarray, " parts"]
-    """m²/s², less what noise adds"""
+    """m²/s², less what noise adds; where that hides the motion, as much as noise may hide"""
     counts: Float[np.ndarray, " parts"]
+    seen: Bool[np.ndarray, " parts"]
 
 
 def _squares(t: Series, places: Float[np.ndarray, "T M 3"], noise: float) -> _Squares | None:
-    """None where noise hides the motion in a part."""
+    """None where noise hides the motion at once: a motion that it hides later has died down at least so far."""
     if len(t) < FEWEST_SAMPLES:
         return None
     apart = max(1, round(OVER / float(np.median(np.diff(t)))))
@@ -136,10 +126,11 @@ def _squares(t: Series, places: Float[np.ndarray, "T M 3"], noise: float) -> _Sq
     seen = np.isfinite(velocities)
     added = np.broadcast_to(2 * noise**2 / steps**2, seen.shape)
     times, sums, counts = (np.zeros(PARTS) for _ in range(3))
+    shown = np.zeros(PARTS, dtype=bool)
     for k, rows in enumerate(np.array_split(np.arange(len(steps)), PARTS)):
         here = seen[rows]
         by_noise, total = float(added[rows][here].sum()), float((velocities[rows][here] ** 2).sum())
-        if total <= 0 or total < SEEN * by_noise:
-            return None
-        times[k], sums[k], counts[k] = t[rows].mean(), total - by_noise, here.sum()
-    return _Squares(times, sums, counts)
+        shown[k] = total >= SEEN * by_noise
+        sums[k] = max(total - by_noise, (SEEN - 1) * by_noise)
+        times[k], counts[k] = t[rows].mean(), here.sum()
+    return _Squares(times, sums, counts, shown) if shown[0] and (sums > 0).all() else None

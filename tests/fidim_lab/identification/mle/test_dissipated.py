@@ -75,6 +75,13 @@ def test_the_rate_is_that_of_the_energy() -> None:
     assert lost.rate == pytest.approx(0.05, rel=0.05)
 
 
+def test_a_swing_that_is_lost_in_noise_has_died_down() -> None:
+    """Of a swing that halves in a second, noise alone is left long before the window ends."""
+    lost = lost_energy([made(0.7, 1e-3, 2e-3, seed) for seed in range(4)], 1e-3)
+    assert lost is not None
+    assert 0.05 < lost.rate < 0.7  # what noise hides may be as large as it
+
+
 def test_faint_or_single_swings_tell_nothing() -> None:
     assert lost_energy([made(0.05, 1e-4, 0.01, 0)], 1e-4) is None
     assert lost_energy([made(0.05, 1e-4, 2e-5, seed) for seed in range(4)], 1e-4) is None
