@@ -55,6 +55,7 @@ class RecordedClock:
 class RecordedBus:
     """`CanTransport` port: `deliver` hands a logged frame to the subscribers; what is sent goes nowhere."""
 
+    at_once = True
     fault: str | None = None
     remark: str = ""
 

@@ -30,6 +30,8 @@ class InProcessBus:
     returns. Not simulated: transmission times and bus load, error frames and counters. One thread only.
     """
 
+    at_once = True
+
     def __init__(self, clock_now: Callable[[], float]) -> None:
         """`clock_now`: monotonic s, the time stamp of frames."""
         self._now = clock_now

@@ -147,6 +147,8 @@ class _Receiver(can.Listener):
 class PythonCanTransport:
     """A bus opened by python-can. Frames arrive on python-can's thread, SDO exchanges run on one thread a node."""
 
+    at_once = False
+
     def __init__(
         self,
         interface: str,

@@ -27,6 +27,9 @@ class CanFrame:
 class CanTransport(Protocol):
     """A bus that carries frames in both directions."""
 
+    at_once: bool
+    """whether an answer is there when `send` returns: whoever has none by then waits for it in vain"""
+
     @property
     def fault(self) -> str | None:
         """Why the bus cannot be trusted any more (latched), or None."""

@@ -41,7 +41,7 @@ class SdoChannel:
     ) -> None:
         """`timeout` (s) must be longer than the drive's slowest answer."""
         self._client = node.sdo
-        self._client.RESPONSE_TIMEOUT = timeout
+        self._client.RESPONSE_TIMEOUT = 0.0 if transport.at_once else timeout
         self._client.MAX_RETRIES = 1  # of canopen: one attempt; we repeat reads ourselves, after a quiet time
         self._dictionary = node.object_dictionary
         self._node_id = cast(int, node.id)

@@ -202,6 +202,8 @@ class PlainDrive:
 class InProcessBus:
     """A transport that hands each frame to the drives and their answers back, all within `send`."""
 
+    at_once = True
+
     def __init__(self, drives: list[PlainDrive]) -> None:
         self.drives = drives
         self.fault: str | None = None

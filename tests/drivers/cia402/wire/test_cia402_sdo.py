@@ -20,6 +20,7 @@ SILENCE = None
 class Transcript:
     """Expects frames to 0x603 in order and gives the written answers."""
 
+    at_once = True
     fault = None
 
     def __init__(self, *exchanges: tuple[str, str | None]) -> None:
