@@ -13,6 +13,8 @@ from fidim_lab.identification.mle.starts.possible import scales
 from fidim_lab.identification.results.result import InertialParameter
 from fidim_lab.model.sensitivity.equations import BODY
 
+CONTRADICT = 0.01
+"""probability under which windows do not show one body: one honest campaign in a hundred gets its spread for ±"""
 UNSEEN = 1.0
 """of what is plausible beforehand (`scales`): a parameter known no better than that is not seen by the recordings"""
 
@@ -69,7 +71,8 @@ def figures_of(found: Fitted, nominal: Body) -> findings.Figures:
     covariance = found.tempered_covariance[:BODY, :BODY]
     nominal_sd = np.sqrt(np.diag(covariance))
     jackknife = None if replicates is None else jackknife_sd(replicates)
-    sd = nominal_sd if found.explained else findings.largest(nominal_sd, bootstrap, jackknife)
+    agree = spread.agreement(found.tables, found.prior_rows) > CONTRADICT
+    sd = nominal_sd if found.explained and agree else findings.largest(nominal_sd, bootstrap, jackknife)
     covariance = covariance * np.outer(sd / nominal_sd, sd / nominal_sd)
     body, moved = consistency.nearest_existing(found.body, covariance)
     seen = sd < UNSEEN * scales(found.start)
@@ -89,4 +92,4 @@ def figures_of(found: Fitted, nominal: Body) -> findings.Figures:
         for k, name in enumerate(PARAMETER_NAMES)
     }
     names = tuple(name for name, drop in zip(PARAMETER_NAMES, dropped, strict=True) if drop)
-    return findings.Figures(parameters, names, covariance, replicates, moved)
+    return findings.Figures(parameters, names, covariance, replicates, moved, agree)

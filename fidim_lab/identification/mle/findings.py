@@ -68,6 +68,8 @@ class Figures:
     leave_one_out: Float[np.ndarray, "W 9"] | None
     moved: float = 0.0
     """sd by which the estimate was moved to a body that exists, along what the recordings hardly tell"""
+    agree: bool = True
+    """whether all windows show one body, but for chance; else the spread between them is among the sd"""
 
     @property
     def body(self) -> Body:
@@ -330,6 +332,11 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
 def _spread_warnings(figures: Figures) -> list[str]:
     if figures.leave_one_out is None:
         return ["Fewer than three windows: the spread from window to window is unknown, and the sd are nominal only."]
+    if not figures.agree:
+        return [
+            "The windows show different bodies, by more than chance: every ± includes the spread between them. "
+            "Something was changed or touched in one of them, or the model, or its geometry, lacks something."
+        ]
     ratio = figures.spread / np.maximum(figures.sd, 1e-300)
     worst = int(np.argmax(ratio))
     if ratio[worst] < OPTIMISM:

@@ -9,13 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.stats import chi2
 
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.equations.uncertainty import DRAWS, MIN_WINDOWS, SEED
 from fidim_lab.identification.mle.trajectories.normal import Reduced
+from fidim_lab.model.sensitivity.equations import BODY
 
 LOOSE_COMBINATION = 0.1
 """of what is plausible beforehand: a combination of parameters known no better is not determined"""
+ROUNDING = 1e-6
+"""of the largest variance that a window takes away: what is smaller is lost in the difference of covariances"""
 PART = 0.2
 """share of the largest under which a parameter's part in a combination is not worth naming"""
 
@@ -77,6 +81,29 @@ def leave_one_out(
         return None
     kept = [np.delete(np.arange(count), out) for out in range(count)]
     return np.array([values + _refitted(tables[chosen], prior_rows) for chosen in kept])
+
+
+def agreement(tables: Reduced, prior_rows: Float[np.ndarray, "shared s"]) -> float:
+    """Probability that windows of one body differ as much as these; 1 with fewer than three.
+
+    Leaving a window out moves the body by no more than the covariance grows, if all show the same one. The least
+    probable window's, times their number (Bonferroni).
+    """
+    if len(tables) < MIN_WINDOWS:
+        return 1.0
+    together = Quadratic.of(tables, prior_rows).covariance[:BODY, :BODY]
+    return min(1.0, len(tables) * min(_agrees(w, tables, prior_rows, together) for w in range(len(tables))))
+
+
+def _agrees(w: int, tables: Reduced, prior_rows: np.ndarray, together: Float[np.ndarray, "9 9"]) -> float:
+    """Probability that window w shows a body as far from that of the others."""
+    others = np.delete(tables, w, axis=0)
+    moved, apart = _refitted(others, prior_rows)[:BODY], Quadratic.of(others, prior_rows).covariance[:BODY, :BODY]
+    grown, scale = apart - together, 1 / np.sqrt(np.diag(together))
+    values, axes = np.linalg.eigh(grown * np.outer(scale, scale))
+    shown = values > ROUNDING * values[-1]
+    distance = (axes.T @ (scale * moved))[shown] ** 2 / values[shown]
+    return float(chi2.sf(distance.sum(), shown.sum()))
 
 
 def bootstrap_sd(
