@@ -91,16 +91,16 @@ def agreement(tables: Reduced, prior_rows: Float[np.ndarray, "shared s"]) -> flo
     """
     if len(tables) < MIN_WINDOWS:
         return 1.0
-    together = Quadratic.of(tables, prior_rows).covariance[:BODY, :BODY]
-    return min(1.0, len(tables) * min(_agrees(w, tables, prior_rows, together) for w in range(len(tables))))
+    return min(1.0, len(tables) * min(_agrees(w, tables, prior_rows) for w in range(len(tables))))
 
 
-def _agrees(w: int, tables: Reduced, prior_rows: np.ndarray, together: Float[np.ndarray, "9 9"]) -> float:
+def _agrees(w: int, tables: Reduced, prior_rows: np.ndarray) -> float:
     """Probability that window w shows a body as far from that of the others."""
     others = np.delete(tables, w, axis=0)
-    moved, apart = _refitted(others, prior_rows)[:BODY], Quadratic.of(others, prior_rows).covariance[:BODY, :BODY]
-    grown, scale = apart - together, 1 / np.sqrt(np.diag(together))
-    values, axes = np.linalg.eigh(grown * np.outer(scale, scale))
+    moved = (_refitted(others, prior_rows) - _refitted(tables, prior_rows))[:BODY]
+    without, together = (Quadratic.of(one, prior_rows).covariance[:BODY, :BODY] for one in (others, tables))
+    scale = 1 / np.sqrt(np.diag(together))
+    values, axes = np.linalg.eigh((without - together) * np.outer(scale, scale))
     shown = values > ROUNDING * values[-1]
     distance = (axes.T @ (scale * moved))[shown] ** 2 / values[shown]
     return float(chi2.sf(distance.sum(), shown.sum()))
