@@ -97,6 +97,11 @@ class JointFit:
         return self.prior.rows(self.values)
 
     @property
+    def tempered_tables(self) -> Float[np.ndarray, "W s s"]:
+        """`tables`: each window's squares are over its χ²/dof already."""
+        return self.tables
+
+    @property
     def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
         """The information to rely on: each window's over its χ²/dof, with the survey."""
         return spread.Quadratic.of(self.tables, self.prior_rows).covariance

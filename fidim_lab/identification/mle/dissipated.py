@@ -45,14 +45,14 @@ class Loss:
     rate: float
     """1/s; of energy"""
     windows: int
-    lost_by_model: bool
+    beyond_model: bool
     """whether what the model itself loses is taken off; else there was no motion of the model to compare with"""
 
     @property
     def says(self) -> str:
         """A sentence for a person."""
         half, windows = plain(float(np.log(2.0)) / self.rate, 2), f"in all {self.windows} windows"
-        if self.lost_by_model:
+        if self.beyond_model:
             begin = "The recorded motion decays, that of the model does not: half of its energy is lost in "
             return f"{begin}{half} s, {windows}. {DISSIPATES}"
         return (
@@ -71,7 +71,7 @@ def decays(recordings: Sequence[FollowedSamples], noise: float) -> Loss | None:
     known = [rate for rate in rates if rate is not None]
     if len(known) < max(FEWEST, len(rates)) or min(known) < LEAST:
         return None
-    return Loss(float(np.median(known)), len(known), lost_by_model=False)
+    return Loss(float(np.median(known)), len(known), beyond_model=False)
 
 
 def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
@@ -83,7 +83,7 @@ def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
     if len(rates) < FEWEST or (rates >= 0).any():
         return None
     mean, error = float(rates.mean()), float(rates.std(ddof=1) / np.sqrt(len(rates)))
-    return Loss(-mean, len(rates), lost_by_model=True) if mean < -max(LEAST, CERTAIN * error) else None
+    return Loss(-mean, len(rates), beyond_model=True) if mean < -max(LEAST, CERTAIN * error) else None
 
 
 def _rate(left: Remainder, noise: float) -> float | None:
@@ -97,7 +97,7 @@ def _rate(left: Remainder, noise: float) -> float | None:
 
 
 def _fall(t: Series, markers: Float[np.ndarray, "T M 3"], noise: float) -> float | None:
-    """1/s at which the squares fall; None where they rise from a part to the next, or noise hides the motion."""
+    """1/s at which the squares fall; None where they rise from a part to the next, or noise hides them at once."""
     squares = _squares(t, markers, noise)
     if squares is None or (squares.seen[1:] & (np.diff(squares.sums / squares.counts) > 0)).any():
         return None

@@ -43,6 +43,11 @@ class Fitted(Protocol):
         ...
 
     @property
+    def tempered_tables(self) -> Float[np.ndarray, "W s s"]:
+        """The same in units of what is left, where that is more than the stated noise."""
+        ...
+
+    @property
     def prior_rows(self) -> Float[np.ndarray, "shared s"]:
         """The prior there."""
         ...
@@ -71,7 +76,7 @@ def figures_of(found: Fitted, nominal: Body) -> findings.Figures:
     covariance = found.tempered_covariance[:BODY, :BODY]
     nominal_sd = np.sqrt(np.diag(covariance))
     jackknife = None if replicates is None else jackknife_sd(replicates)
-    agree = spread.agreement(found.tables, found.prior_rows) > CONTRADICT
+    agree = not found.explained or spread.agreement(found.tempered_tables, found.prior_rows) > CONTRADICT
     sd = nominal_sd if found.explained and agree else findings.largest(nominal_sd, bootstrap, jackknife)
     covariance = covariance * np.outer(sd / nominal_sd, sd / nominal_sd)
     body, moved = consistency.nearest_existing(found.body, covariance)

@@ -69,7 +69,7 @@ class Figures:
     moved: float = 0.0
     """sd by which the estimate was moved to a body that exists, along what the recordings hardly tell"""
     agree: bool = True
-    """whether all windows show one body, but for chance; else the spread between them is among the sd"""
+    """whether windows that are explained show one body, but for chance; else their spread is in the sd"""
 
     @property
     def body(self) -> Body:

@@ -134,6 +134,11 @@ class Fit:
         return reduced(self.journey.optimum.tables, self.likelihood.own)
 
     @property
+    def tempered_tables(self) -> Float[np.ndarray, "W s s"]:
+        """In units of what is left: the squares over χ²/dof, where that is more than the stated noise."""
+        return self.tables / np.sqrt(max(1.0, self.chi2_per_dof))
+
+    @property
     def prior_rows(self) -> Float[np.ndarray, "shared s"]:
         """The prior at the optimum."""
         return self.prior.rows(self.values)
@@ -151,8 +156,7 @@ class Fit:
     @property
     def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
         """The information to rely on where the residual is more than noise: the data's over χ²/dof."""
-        temper = max(1.0, self.chi2_per_dof)
-        return self._doubted(spread.Quadratic.of(self.tables / np.sqrt(temper), self.prior_rows).covariance)
+        return self._doubted(spread.Quadratic.of(self.tempered_tables, self.prior_rows).covariance)
 
     def _doubted(self, covariance: Float[np.ndarray, "shared shared"]) -> Float[np.ndarray, "shared shared"]:
         if self.doubt is not None:

@@ -87,23 +87,21 @@ def agreement(tables: Reduced, prior_rows: Float[np.ndarray, "shared s"]) -> flo
     """Probability that windows of one body differ as much as these; 1 with fewer than three.
 
     Leaving a window out moves the body by no more than the covariance grows, if all show the same one. The least
-    probable window's, times their number (Bonferroni).
+    probable window's, times their number (Bonferroni). tables: in units of the noise that there is.
     """
-    if len(tables) < MIN_WINDOWS:
+    moves = leave_one_out(tables, prior_rows, -_refitted(tables, prior_rows))
+    if moves is None:
         return 1.0
-    return min(1.0, len(tables) * min(_agrees(w, tables, prior_rows) for w in range(len(tables))))
-
-
-def _agrees(w: int, tables: Reduced, prior_rows: np.ndarray) -> float:
-    """Probability that window w shows a body as far from that of the others."""
-    others = np.delete(tables, w, axis=0)
-    moved = (_refitted(others, prior_rows) - _refitted(tables, prior_rows))[:BODY]
-    without, together = (Quadratic.of(one, prior_rows).covariance[:BODY, :BODY] for one in (others, tables))
+    together = Quadratic.of(tables, prior_rows).covariance[:BODY, :BODY]
     scale = 1 / np.sqrt(np.diag(together))
-    values, axes = np.linalg.eigh((without - together) * np.outer(scale, scale))
-    shown = values > ROUNDING * values[-1]
-    distance = (axes.T @ (scale * moved))[shown] ** 2 / values[shown]
-    return float(chi2.sf(distance.sum(), shown.sum()))
+    least = 1.0
+    for w, moved in enumerate(moves[:, :BODY]):
+        without = Quadratic.of(np.delete(tables, w, axis=0), prior_rows).covariance[:BODY, :BODY]
+        values, axes = np.linalg.eigh((without - together) * np.outer(scale, scale))
+        shown = values > ROUNDING * values[-1]
+        distance = (axes.T @ (scale * moved))[shown] ** 2 / values[shown]
+        least = min(least, float(chi2.sf(distance.sum(), shown.sum())))
+    return min(1.0, len(tables) * least)
 
 
 def bootstrap_sd(

@@ -1,9 +1,17 @@
 """Windows of one body agree; one of another body is found, however well it is followed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fidim_lab.data.records import Robot
+from fidim_lab.identification.mle.figures import figures_of
+from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.spread import agreement
+from fidim_lab.model.mechanism import Mechanism
+
+from .conftest import Record
 
 WINDOWS, SIZE = 4, 9
 
@@ -29,3 +37,12 @@ def test_chance_is_what_it_says_and_another_body_is_seen(other: float) -> None:
 
 def test_two_windows_say_nothing() -> None:
     assert agreement(tables(np.random.default_rng(1), 6.0)[:2], np.zeros((SIZE, SIZE + 1))) == 1.0
+
+
+def test_more_noise_than_the_robot_file_states_is_no_contradiction(four: Robot, record: Record) -> None:
+    """Each window's estimate scatters by four times its nominal sd; so does what is left."""
+    stated = replace(four, sensors=replace(four.sensors, marker_noise=four.sensors.marker_noise / 4))
+    found = fit(Mechanism(stated, native=True), record(four, 4, seconds=4.0))
+    assert found.explained
+    assert agreement(found.tables, found.prior_rows) < 0.01
+    assert figures_of(found, four.nominal).agree
