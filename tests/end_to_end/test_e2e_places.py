@@ -110,9 +110,10 @@ AFTER = {
 
 
 WITHIN = {
-    **{f"cable {cable} slips": slipped(cable, 0.03) for cable in (1, 2, 3, 4)},
-    "another marker": AFTER["another marker"][0],
+    "cable 2 slips": slipped(2, 0.03),
     "origin": AFTER["origin"][0],
+    "another marker": AFTER["another marker"][0],
+    **{f"cable {cable} slips": slipped(cable, 0.03) for cable in (1, 3, 4)},
     "origin, sideways and down": lambda stage: stage.mocap.add("jumps", 1e3, (-0.01, 0.012, -0.02)),
 }
 
@@ -129,7 +130,7 @@ def found_at_once(ended: Any) -> bool:
 
 @pytest.mark.parametrize("kind", WITHIN)
 @pytest.mark.parametrize("after", [0.5, 3.0])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 def test_what_moves_while_a_person_is_at_the_platform_is_found_in_that_window(
     rehearsal: Any, scene: Any, kind: str, after: float
 ) -> None:
@@ -194,7 +195,7 @@ def slow(robot: Any) -> Any:
     return replace(robot, cables=tuple(cables), nominal=body, mass=45.0, marker=marker, limits=limits)
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 3])
 def test_no_answer_of_a_winch_is_its_own_swing(scene: Any, tmp_path: Path, seed: int) -> None:
     """With looks of 1.5 s the errors were up to 0.65 of the answer, and half of these robots were refused."""

@@ -61,6 +61,13 @@ def plan(irma4: Robot) -> Plan:
     return random_plan(irma4, "alone", 2, 0, 1, Taste(taut=1.0, tight=1.0))
 
 
+@pytest.fixture(scope="module")
+def steps(irma4: Robot, plan: Plan) -> Sequence[Step]:
+    """All that excite does with the plan."""
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    return Outline(experiment("excite", plan, irma4, settings).procedure).steps
+
+
 def carried_out(
     robot: Robot, plan: Plan, folder: Path, hide: tuple[str, ...], words: Sequence[tuple[float, Verb]] = ()
 ) -> tuple[RunReport, list[StepFinished]]:
@@ -93,9 +100,7 @@ def carried_out(
     return compose.run_loop(run(), real_time=False), done
 
 
-def test_every_step_is_known_before_and_none_asks(irma4: Robot, plan: Plan):
-    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
-    steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
+def test_every_step_is_known_before_and_none_asks(steps: Sequence[Step]):
     assert not [step for step in steps if isinstance(step, Ask)]
     assert sum(isinstance(step, Strokes) for step in steps) == 2
     watched = next(k for k, step in enumerate(steps) if isinstance(step, Settle))
@@ -182,23 +187,21 @@ def test_a_window_left_out_halfway_through_strokes_leaves_the_next_one_in_order(
     assert "Window" not in report.reason
 
 
-def test_no_stroke_asks_a_winch_for_more_than_it_may_do(irma4: Robot, plan: Plan):
-    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
-    steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
+def test_no_stroke_asks_a_winch_for_more_than_it_may_do(steps: Sequence[Step]):
+    limits = Settings().excite
     chains = [chain for step in steps if isinstance(step, Strokes) for chain in step.chains]
     assert chains
-    assert max(max(chain.speeds) for chain in chains) <= settings.excite.speed
-    assert max(max(chain.accelerations) for chain in chains) <= settings.excite.acceleration
+    assert max(max(chain.speeds) for chain in chains) <= limits.speed
+    assert max(max(chain.accelerations) for chain in chains) <= limits.acceleration
 
 
-def test_moves_are_timed_for_the_modes(irma4: Robot, plan: Plan):
-    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
-    steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
+def test_moves_are_timed_for_the_modes(steps: Sequence[Step]):
+    limits = Settings().excite
     moves = [step for step in steps if isinstance(step, MoveTo) and step.start is not None]
     assert moves
     for move in moves:
-        assert move.speed <= settings.excite.speed
-        assert move.acceleration <= settings.excite.acceleration
+        assert move.speed <= limits.speed
+        assert move.acceleration <= limits.acceleration
 
 
 class Player:

@@ -1,6 +1,7 @@
 """What is cut out before physics is named: hands with their times, faults of sensors; and what must not be cut out."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from sim_backends.simulate import Sampling, simulate_campaign
 
 @pytest.fixture(scope="module")
 def recorded(irma4: Robot):
+    @cache
     def make(*hidden: str, seed: int = 21, duration: float = 6.0) -> Campaign:
         plan = random_plan(irma4, "short", 3, 1, seed)
         effects = tuple(parse_effect(text, irma4.n) for text in hidden)
