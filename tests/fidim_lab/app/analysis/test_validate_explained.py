@@ -51,8 +51,12 @@ def test_python_takes_the_answer_itself(world: Path) -> None:
     assert fl.validate(other, fl.explain(world / "one")).predicts
 
 
-def test_unknown_physics_predicts_nothing(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = json.loads((world / "explanation.json").read_text())
+def test_unknown_physics_predicts_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    campaign, file = tmp_path / "other", tmp_path / "explanation.json"
+    sizes = ["--equilibria", "2", "--validate", "1"]
+    assert run(["simulate", "--robot", "irma4", "--out", str(campaign), *sizes]) == 0
+    assert run(["explain", str(campaign), "--json", str(file)]) == 0
+    told = json.loads(file.read_text())
     (tmp_path / "unknown.json").write_text(json.dumps({**told, "verdict": "unknown-physics", "effects": []}))
-    assert _validate(world, tmp_path / "unknown.json") == 2
+    assert _validate(tmp_path, tmp_path / "unknown.json") == 2
     assert "names no physics" in " ".join(capsys.readouterr().err.split())

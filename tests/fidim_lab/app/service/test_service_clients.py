@@ -122,13 +122,19 @@ def test_one_client_commands_the_others_watch(serving):
     assert not serving.folder.exists()
 
 
-def test_the_lease_of_a_client_that_has_gone_is_free_and_the_run_goes_on(serving):
+def test_the_lease_of_a_client_that_has_gone_is_free_and_its_run_is_paused_and_resumed_by_another(serving):
     async def script(s):
         async with s.client("one") as one:
             await s.begin(one)
         async with s.client("two") as two:
             await s.until(two, lambda m: isinstance(m, Status) and m.commanding is None)
             await two.take_lease()
+            await s.until(two, lambda m: isinstance(m, Status) and m.step is not None and m.step.step == "Settle")
+            await two.require(Pause(reason="tea"))
+            await s.until(two, lambda m: isinstance(m, Status) and m.phase == "paused")
+            assert not (await two.command(Pause())).ok
+            await s.rig.rig.clock.sleep(3.0)
+            await two.require(Resume())
             async for _ in two:
                 pass
 
@@ -171,22 +177,6 @@ def test_an_emergency_stop_before_a_run_has_really_begun_keeps_it_from_beginning
 
     assert serving.run(script) == 3
     assert {drive.state for drive in serving.rig.drives} == {State.SWITCH_ON_DISABLED}
-
-
-def test_pause_and_resume_by_command(serving):
-    async def script(s):
-        async with s.client() as client:
-            await s.begin(client)
-            await s.until(client, lambda m: isinstance(m, Status) and m.step is not None and m.step.step == "Settle")
-            await client.require(Pause(reason="tea"))
-            await s.until(client, lambda m: isinstance(m, Status) and m.phase == "paused")
-            assert not (await client.command(Pause())).ok
-            await s.rig.rig.clock.sleep(3.0)
-            await client.require(Resume())
-            async for _ in client:
-                pass
-
-    assert serving.run(script) == 0
 
 
 @pytest.mark.slow
