@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -24,6 +25,7 @@ from fidim_lab.identification.mle.findings import MISFIT, Figures, FitAnswer, do
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, ResultOutcome, WindowVerdict
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.side_by_side import side_by_side
 
 FEWEST, MOST = 2, 8
 """campaigns of one joint fit; more than eight were not tried"""
@@ -124,9 +126,9 @@ def _cleaned(campaigns: Sequence[Campaign]) -> tuple[list[str], tuple[Removed, .
     notes: list[str] = []
     removed: list[Removed] = []
     cleaned: list[Campaign] = []
-    for campaign in campaigns:
-        said = check(campaign)
-        recordings = clean_recordings(campaign).recordings
+    cleanings = side_by_side([partial(clean_recordings, campaign) for campaign in campaigns])
+    for campaign, cleaning in zip(campaigns, cleanings, strict=True):
+        said, recordings = check(campaign), cleaning.recordings
         notes += [f"{campaign.name}: {note}" for note in (*said, *recordings.notes)]
         removed += [replace(one, window=f"{campaign.name}/{one.window}") for one in recordings.removed]
         cleaned.append(recordings.campaign)

@@ -43,7 +43,7 @@ from fidim_lab.identification.mle.odd_windows.touched import (
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
-from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.identification.mle.undetermined import tried_out
 from fidim_lab.identification.motion.recipe import BEST
 from fidim_lab.identification.motion.trajectory import Prediction
@@ -166,18 +166,20 @@ def _held_out(
 ) -> dict[str, held_out.HeldOutPrediction | str]:
     """What each window that is not fitted and not odd says; a sentence where it cannot be predicted."""
     predicted: dict[str, held_out.HeldOutPrediction | str] = {}
-    mechanism = found.likelihood.mechanism
+    recordings: list[FollowedSamples] = []
     for window in (*campaign.of_role(Role.VALIDATE), *campaign.of_role(Role.TEST)):
         if window.id in odd:
             continue
         try:
-            if soft is not None:
+            if soft is None:
+                recordings.append(prepare(window, campaign.robot))
+            else:
                 predicted[window.id] = soft.predict(window)
-                continue
-            recording = prepare(window, campaign.robot)
-            predicted[window.id] = held_out.predict(mechanism, found.values, recording, campaign.robot.sensors)
         except RefusedError as refusal:
             predicted[window.id] = str(refusal)
+    said = held_out.predict_all(found.likelihood.mechanism, found.values, recordings, campaign.robot.sensors)
+    for recording, one in zip(recordings, said, strict=True):
+        predicted[recording.window.id] = str(one) if isinstance(one, RefusedError) else one
     return predicted
 
 
@@ -206,8 +208,8 @@ def _verdict(
     if isinstance(held, str):
         return WindowVerdict(window.id, window.role, used=False, notes=(held,))
     left = held.remainder
-    prediction = _predicted(found, held.journey.optimum.simulation, 0, left)
-    return _judged(window, left, prediction, findings.journey_notes(held.journey, 0), found, side)
+    prediction = _predicted(found, held.journey.optimum.simulation, held.place, left)
+    return _judged(window, left, prediction, findings.journey_notes(held.journey, held.place), found, side)
 
 
 def _unpredicted(window: Window, found: Fit, side: _Side | str) -> WindowVerdict:

@@ -73,8 +73,10 @@ class MotionSensor(Protocol):
         stamps: Series,
         begin: float,
         extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
+        *,
+        held: bool = False,
     ) -> Float[np.ndarray, "T M 3 P"]:
-        """Derivatives of `seen` for the window at `place` of a batch."""
+        """Derivatives of `seen` for the window at `place` of a batch; held: none of the P is of θ."""
         ...
 
 
@@ -149,11 +151,13 @@ class MarkerMeasurement:
         stamps: Series,
         begin: float,
         extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
+        *,
+        held: bool = False,
     ) -> Float[np.ndarray, "T M 3 P"]:
         """Derivatives of `seen` for the window at `place` of a batch; markers as in the robot file.
 
-        varied: by `varied_at_nodes` at the points `followed`; its last columns are those of θ, what the motion adds.
-        extra: effects' own states of this window, with their derivatives.
+        varied: by `varied_at_nodes` at the points `followed`; its last columns are those of θ, what the motion adds,
+        unless it is held. extra: effects' own states of this window, with their derivatives.
         """
         grid, many = trajectories.grid, len(markers)
         nodes = grid.t
@@ -161,20 +165,20 @@ class MarkerMeasurement:
         columns = between(varied[:, :, :many], *hermite(nodes, times))
         if self.plain:
             return columns
-        moved = self._moved(markers)[1]
         one = trajectories.only(place)
         nodal = at_nodes(one, self.followed(markers))[0]
         points, later, sooner = (self._points(nodal, many, grid, times + s, begin) for s in (0.0, SHIFT, -SHIFT))
         if self.swings:
-            columns = columns + self._swings_by(nodal, varied, many, grid, times, begin)
+            columns = columns + self._swings_by(nodal, varied, many, grid, times, begin, held=held)
         own = None if extra is None else extra[0]
         _, by_point, by_time, direct, by_extra = self._sights(points, begin + times, own)
-        velocity = np.einsum("tmij,tmj->tmi", by_point, (later - sooner) / (2 * SHIFT)) + by_time
-        turn = _rotations(between(at_nodes(one, AXES)[0], *hermite(nodes, times)))
-        moved_by = columns.shape[-1] - self.theta.size
-        columns[..., moved_by:] += turn[:, np.newaxis] @ moved
         columns = by_point @ columns
-        columns[..., moved_by:] += direct + velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
+        if not held:
+            velocity = np.einsum("tmij,tmj->tmi", by_point, (later - sooner) / (2 * SHIFT)) + by_time
+            turn = _rotations(between(at_nodes(one, AXES)[0], *hermite(nodes, times)))
+            by_place = by_point @ turn[:, np.newaxis] @ self._moved(markers)[1]
+            in_time = velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
+            columns[..., columns.shape[-1] - self.theta.size :] += by_place + direct + in_time
         return columns if extra is None else columns + by_extra @ extra[1]
 
     def _points(self, nodal: np.ndarray, count: int, grid: Grid, times: Series, begin: float) -> np.ndarray:
@@ -192,16 +196,24 @@ class MarkerMeasurement:
         return points
 
     def _swings_by(
-        self, nodal: np.ndarray, varied: np.ndarray, count: int, grid: Grid, times: Series, begin: float
+        self,
+        nodal: np.ndarray,
+        varied: np.ndarray,
+        count: int,
+        grid: Grid,
+        times: Series,
+        begin: float,
+        *,
+        held: bool,
     ) -> Float[np.ndarray, "T M 3 P"]:
-        """What stalks add to the derivatives of the first markers by P columns, the last of which are θ.
+        """What stalks add to the derivatives of the first markers by P columns, the last θ unless it is held.
 
         The acceleration of a foot that θ moves on the body is left out of them: a small part of a small thing.
         """
         at = hermite(grid.t, times)
         turn, turned = _rotations(between(nodal, *at)), between(varied[:, :, -4:], *at)
         turned = turned[:, 1:] - turned[:, :1]  # (T, axis, 3, P)
-        P, size = varied.shape[-1], self.theta.size
+        P, size = varied.shape[-1], 0 if held else self.theta.size
         found = np.zeros((len(times), count, 3, P))
         for number, stalk in self._stalks(count):
             felt, by = self._felt(nodal, number), -varied[:, ACCELERATION, number].reshape(len(varied), -1)
@@ -212,10 +224,10 @@ class MarkerMeasurement:
             inner = np.einsum("tkip,ti->tkp", turned, y) + np.einsum("tik,tip->tkp", turn, moved)
             own = np.einsum("tji,tj->ti", turn, y)
             lag = between(np.moveaxis(swung_by(felt, course, grid, stalk.pulsation, stalk.damping), 0, -1), *at)
-            inner[..., P - size :] += np.einsum("tik,tiq,qp->tkp", turn, lag, stalk.lag_by)
+            inner[..., P - size :] += np.einsum("tik,tiq,qp->tkp", turn, lag, stalk.lag_by[:, :size])
             given = np.einsum("tkip,kj,tj->tip", turned, stalk.give, own)
             given += np.einsum("tij,jk,tkp->tip", turn, stalk.give, inner)
-            given[..., P - size :] += np.einsum("tij,jkp,tk->tip", turn, stalk.give_by, own)
+            given[..., P - size :] += np.einsum("tij,jkp,tk->tip", turn, stalk.give_by[..., :size], own)
             found[:, number] += given
         return found
 

@@ -72,13 +72,16 @@ class RateMeasurement:
         stamps: Series,
         begin: float,
         extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
+        *,
+        held: bool = False,
     ) -> Float[np.ndarray, "T 1 3 P"]:
-        """Derivatives of `seen` for the window at `place` of a batch; the last columns are those of θ."""
+        """Derivatives of `seen` for the window at `place` of a batch; the last columns are those of θ, if not held."""
         nodes = trajectories.grid.t
         rates = _between(self.at_nodes(trajectories.only(place), markers)[0], nodes, stamps)
         _, by_rate, direct = self._read(rates)
         columns = by_rate @ _between(varied, nodes, stamps)
-        columns[..., columns.shape[-1] - self.theta.size :] += direct
+        if not held:
+            columns[..., columns.shape[-1] - self.theta.size :] += direct
         return columns[:, np.newaxis]
 
     def _read(self, rates: Float[np.ndarray, "T 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -49,6 +49,15 @@ class Starts:
     extra: Float[np.ndarray, "W extra"] | None = None
     """effects' own states; None where there are none"""
 
+    def by_own(self, own: int) -> "Starts":
+        """With derivatives by the windows' own unknowns alone."""
+        parts = (self.unstretched_by, self.rates_by)
+        unstretched_by, rates_by = (None if part is None else part[..., :own] for part in parts)
+        lengths_by, states_by = self.lengths_by[..., :own], self.states_by[..., :own]
+        return replace(
+            self, lengths_by=lengths_by, states_by=states_by, unstretched_by=unstretched_by, rates_by=rates_by
+        )
+
 
 def own_count(mechanism: Mechanism) -> int:
     """Unknowns of each window: pose (6), free rates, tensions of springs, effects' own states."""

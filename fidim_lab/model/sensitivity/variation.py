@@ -52,26 +52,34 @@ def variations(
     starts: Float[np.ndarray, "W 6+m P"],
     further: Float[np.ndarray, "W N 6 Q"] | None = None,
     unstretched: Float[np.ndarray, "W springs P"] | None = None,
+    *,
+    held: bool = False,
 ) -> Variations:
     """Carry the derivatives of the initial states, [δp; δφ; δv; δω; δξ] by P columns, along the trajectories.
 
     The last columns of the P are the shared parameters, and get their part of the motion here. `further`: what Q more
     parameters, whose columns follow those, add to v̇ at the nodes (`motion.forcing`). unstretched: derivatives of the
-    springs' lengths by the same columns as `starts`. NaN where the trajectories are.
+    springs' lengths by the same columns as `starts`. held: no column of the P is a shared parameter. NaN where the
+    trajectories are.
     """
-    linear = _linearised(mechanism, trajectories, shared, unstretched)
+    linear = _linearised(mechanism, trajectories, shared, unstretched, held=held)
     if further is not None:
         forced = np.zeros((*further.shape[:2], linear.forcing.shape[2], further.shape[3]))
         forced[:, :, :6] = further
         linear = replace(linear, forcing=np.concatenate([linear.forcing, forced], axis=-1))
     poses, moving = _carried(linear, trajectories.grid, starts)
     accelerations = linear.by_pose[:, :, :6] @ poses + linear.by_moving[:, :, :6] @ moving
-    accelerations[..., -linear.forcing.shape[-1] :] += linear.forcing[:, :, :6]
+    accelerations[..., accelerations.shape[-1] - linear.forcing.shape[-1] :] += linear.forcing[:, :, :6]
     return Variations(poses=poses, twists=moving[:, :, :6], accelerations=accelerations, extra=moving[:, :, 6:])
 
 
 def _linearised(
-    mechanism: Mechanism, trajectories: Trajectories, shared: np.ndarray, unstretched: np.ndarray | None
+    mechanism: Mechanism,
+    trajectories: Trajectories,
+    shared: np.ndarray,
+    unstretched: np.ndarray | None,
+    *,
+    held: bool,
 ) -> _Linear:
     count, nodes = trajectories.positions.shape[:2]
     _, flat = over_samples(
@@ -85,12 +93,11 @@ def _linearised(
     )
     m = trajectories.moving.shape[-1]
     table = flat.reshape(count, nodes, m, -1)
-    forcing = table[..., 6 + m :]
+    last = table.shape[-1] - len(shared)
+    forcing = table[..., last : last if held else None]
     if unstretched is not None:
-        springs, columns = unstretched.shape[1:]
-        own = columns - len(shared)
-        by_lengths = forcing[..., :springs] @ unstretched[:, np.newaxis]
-        by_lengths[..., own:] += forcing[..., springs:]
+        by_lengths = table[..., 6 + m : last] @ unstretched[:, np.newaxis]
+        by_lengths[..., by_lengths.shape[-1] - forcing.shape[-1] :] += forcing
         forcing = by_lengths
     return _Linear(
         by_pose=table[..., :6],
@@ -123,7 +130,7 @@ def _carried(
         responses = _across(blocks, grid.quadrature).reshape(-1, len(chosen), k * size, size + shared)
         for nodes, response in zip(chosen, responses.swapaxes(0, 1), strict=True):
             moved = response[..., :size] @ found[some, nodes[0]]
-            moved[..., -shared:] += response[..., size:]
+            moved[..., columns - shared :] += response[..., size:]
             found[some, nodes[1:]] = moved.reshape(-1, k, size, columns)
     found[:, :, 9:12] = np.swapaxes(linear.turn, -1, -2) @ found[:, :, 9:12]
     return found[:, :, :6], found[:, :, 6:]
@@ -160,7 +167,7 @@ def _across(linear: _Linear, quadrature: Float[np.ndarray, "k+1 k+1"]) -> Float[
     right[..., :6] = (later @ flat).reshape(count, k, m, 6)
     right[..., 6 : 6 + m] = turned_back[:, :1] + later[:, :1, np.newaxis] * linear.by_moving[:, :1]
     right[..., 6:12] += by_pose[:, :, 0]
-    right[..., 6 + m :] = (later @ linear.forcing.reshape(count, points, -1)).reshape(count, k, m, shared)
+    right[..., 6 + m :] = (later @ linear.forcing.reshape(count, points, m * shared)).reshape(count, k, m, shared)
     known = np.isfinite(system).all(axis=(1, 2))
     system[~known] = np.eye(m * k)  # LAPACK may call a table of NaN singular: what was to follow it is NaN anyhow
     found = np.linalg.solve(system, right.reshape(count, k * m, -1)).reshape(right.shape)

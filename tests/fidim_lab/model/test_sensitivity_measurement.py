@@ -66,7 +66,10 @@ def test_cameras_that_see_a_phase_of_each_window_have_its_derivative(irma4: Robo
             steps = np.zeros((count, own))
             steps[:, column] = sign * step
             ends.append(simulate(likelihood, stepped(likelihood, now, steps, np.zeros(BODY + 7)), now.ends, FINE))
+        alone = {one.window: one for one in linearised(likelihood, now, held=True)}
         for line in linearised(likelihood, now):
+            assert alone[line.window].by_own == pytest.approx(line.by_own)
+            assert alone[line.window].by_shared.shape[1] == 0
             difference = (ends[0].residuals[line.window].markers - ends[1].residuals[line.window].markers) / (2 * step)
             ours = line.by_own[: len(difference), column]
             assert ours == pytest.approx(difference, abs=1e-4 * np.abs(difference).max())

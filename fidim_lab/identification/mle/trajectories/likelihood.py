@@ -274,24 +274,30 @@ def _judged(
     return batch, residuals
 
 
-def linearised(likelihood: Likelihood, simulation: Simulation) -> list[WindowLinear]:
-    """Residuals with derivatives of all windows, in their order."""
-    return of_each(likelihood, simulation, lambda window: window)
+def linearised(likelihood: Likelihood, simulation: Simulation, *, held: bool = False) -> list[WindowLinear]:
+    """Residuals with derivatives of all windows, in their order; held: without those by what is shared."""
+    return of_each(likelihood, simulation, lambda window: window, held=held)
 
 
-def of_each(likelihood: Likelihood, simulation: Simulation, make: Callable[[WindowLinear], T]) -> list[T]:
-    """What `make` makes of each window, in their order; derivatives take memory, so none is kept for longer."""
+def of_each(
+    likelihood: Likelihood, simulation: Simulation, make: Callable[[WindowLinear], T], *, held: bool = False
+) -> list[T]:
+    """What `make` makes of each window, in their order; derivatives take memory, so none is kept for longer.
+
+    held: without derivatives by what is shared.
+    """
 
     def of_batch(batch: _Batch) -> dict[int, T]:
-        return {window.window: make(window) for window in _linearised(likelihood, simulation, batch)}
+        return {window.window: make(window) for window in _linearised(likelihood, simulation, batch, held=held)}
 
     found = ChainMap(*side_by_side([partial(of_batch, batch) for batch in simulation.batches]))
     return [found[w] for w in sorted(found)]
 
 
-def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -> Iterator[WindowLinear]:
+def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch, *, held: bool) -> Iterator[WindowLinear]:
     """One batch."""
     point, own, starts = simulation.point, likelihood.own, simulation.starts
+    starts = starts.by_own(own) if held else starts
     measurement = likelihood.measurement(point.shared[BODY:])
     by = variations(
         likelihood.mechanism,
@@ -299,6 +305,7 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         point.shared,
         starts.states_by[batch.members],
         unstretched=rows_of(starts.unstretched_by, batch.members),
+        held=held,
     )
     stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
     nodal = measurement.varied_at_nodes(batch.trajectories, by, stated)
@@ -308,9 +315,9 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         count, t = seen.shape[1], recording.t[use]
         extra = None if starts.extra is None else (starts.extra[w], starts.states_by[w][12:])
         given = (stated[:count], nodal[place], t, recording.begin, extra)
-        by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
+        by_markers = measurement.seen_by(batch.trajectories, place, *given, held=held)[seen]
         known = np.isfinite(recording.lengths)
-        jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
+        jacobian = np.zeros((len(simulation.residuals[w].rows), starts.states_by.shape[2]))
         jacobian[: len(by_markers)] = likelihood.whitened(int(w), by_markers, seen)
         lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
         jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution

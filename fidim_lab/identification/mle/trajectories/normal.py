@@ -144,9 +144,9 @@ class NormalStep:
     predicted: float
 
 
-def tables_of(likelihood: Likelihood, simulation: Simulation) -> Tables:
-    """Of all windows, in their order."""
-    return np.stack(of_each(likelihood, simulation, compressed))
+def tables_of(likelihood: Likelihood, simulation: Simulation, *, held: bool = False) -> Tables:
+    """Of all windows, in their order; held: without columns of what is shared."""
+    return np.stack(of_each(likelihood, simulation, compressed, held=held))
 
 
 def compressed(window: WindowLinear) -> Float[np.ndarray, "m m"]:

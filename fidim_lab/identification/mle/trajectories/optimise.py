@@ -96,7 +96,7 @@ class Optimum:
 
     simulation: Simulation
     tables: Tables
-    """at that point"""
+    """at that point; without columns of what is shared where every window went its own way"""
     cost: float
     """whole sum of squares, prior included"""
     ending: Ending

@@ -80,7 +80,7 @@ def optimise_apart(
     if first is None or not np.isfinite(_costs(first)).all():
         return None
     count = len(ends)
-    tables = tables_of(likelihood, first)
+    tables = tables_of(likelihood, first, held=True)
     search = _Search(
         states=start.states,
         costs=_costs(first),
@@ -104,7 +104,7 @@ def optimise_apart(
         simulation = better or ours.simulated(search.states.of(ours.members), start.shared, effort)
         if simulation is None:  # not to be expected: all of these have been simulated in `_improved`
             return None
-        search.tables[ours.members] = tables_of(ours.likelihood, simulation)
+        search.tables[ours.members] = tables_of(ours.likelihood, simulation, held=True)
     whole = _simulated(likelihood, Point(start.shared, search.states), ends, effort)
     ending = next(one for one in SEVEREST if one in search.endings)
     return None if whole is None else Optimum(whole, search.tables, float(search.costs.sum()), ending, rounds)

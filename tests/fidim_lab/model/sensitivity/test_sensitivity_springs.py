@@ -97,6 +97,10 @@ def predicted(mechanism, shared, states, resolution=FINE):
 def derivatives(mechanism, shared, states, resolution=FINE, times=TIMES):
     starts, trajectories = simulated(mechanism, shared, states, resolution, times[-1])
     by = variations(mechanism, trajectories, shared, starts.states_by, unstretched=starts.unstretched_by)
+    alone = starts.by_own(own := starts.states_by.shape[2] - len(shared))
+    held = variations(mechanism, trajectories, shared, alone.states_by, unstretched=alone.unstretched_by, held=True)
+    assert held.poses == pytest.approx(by.poses[..., :own])
+    assert held.accelerations == pytest.approx(by.accelerations[..., :own])
     index, weights = markers.hermite(trajectories.grid.t, times)
     nodal = markers.varied_at_nodes(trajectories, by, MARKERS)
     return starts, np.stack([markers.between(one, index, weights) for one in nodal])

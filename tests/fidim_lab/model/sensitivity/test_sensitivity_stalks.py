@@ -75,6 +75,8 @@ def test_residuals_have_their_derivatives(recorded):
     at = simulate(likelihood, point, ends, FINE)
     found = {one.window: one for one in linearised(likelihood, at)}
     assert all(np.abs(one.by_shared[:, BODY]).max() > 1e5 for one in found.values())
+    alone = {one.window: one.by_own for one in linearised(likelihood, at, held=True)}
+    assert all(alone[w] == pytest.approx(one.by_own) for w, one in found.items())
     own, shared = likelihood.own, len(point.shared)
     steps = [*([1e-6] * own), *(1e-6 * np.maximum(1.0, np.abs(point.shared)))]
     steps[own + BODY] = 1e-9
