@@ -26,8 +26,8 @@ def cells(text: str, first: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
-@pytest.mark.parametrize("over", ["inprocess", "tcp", "slcan"])
-@pytest.mark.sampled(2)
+@pytest.mark.parametrize("over", ["tcp", "inprocess", "slcan"])
+@pytest.mark.sampled(1)
 def test_nothing_is_lost_however_late_it_is(over):
     row = cells(run("rates", "--minutes", "0.02", "--sync", "250", "--over", over), over)
     assert row[3].split(",")[0] == "0"
@@ -37,6 +37,7 @@ def test_nothing_is_lost_however_late_it_is(over):
 
 
 @pytest.mark.parametrize("over", ["tcp", "slcan"])
+@pytest.mark.sampled(1)
 def test_a_full_bus_is_read_whole(over):
     row = cells(run("saturated", "--minutes", "0.015", "--over", over), over)
     assert row[2] == "0"

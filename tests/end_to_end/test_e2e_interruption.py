@@ -88,6 +88,8 @@ class Command:
         self.journal = folder / "journal.jsonl"
         self.begun = folder.with_name(f"{folder.name}-begun")
         """there once the command takes interrupts: before, Python itself ends with a traceback"""
+        self._read = 0
+        """bytes of the journal that were looked at"""
         script = f"from fidim_lab.app.cli import main; open({str(self.begun)!r}, 'w').close(); main()"
         command = ["dry-run", "--equilibria", "4", "--validate", "0", "--out", str(folder), *more]
         self.process = subprocess.Popen(
@@ -97,14 +99,24 @@ class Command:
             text=True,
         )
 
+    def _written(self):
+        """Lines of the journal that were not told before."""
+        if self.journal.exists():
+            with self.journal.open("rb") as file:
+                file.seek(self._read)
+                lines = file.read().splitlines(keepends=True)
+            whole = [line for line in lines if line.endswith(b"\n")]
+            self._read += sum(map(len, whole))
+            yield from whole
+
     def wait_for(self, step, window, *, may_end=False):
         """Until the journal has this step's begin; False where the command has ended before, which it may."""
         pause = threading.Event()
         for _ in range(round(SECONDS_LEFT / 0.005)):
-            lines = self.journal.read_text().splitlines() if self.journal.exists() else []
-            steps = [json.loads(line) for line in lines if line.endswith("}")]
-            if any(s["kind"] == "step-started" and (s["step"], s.get("window")) == (step, window) for s in steps):
-                return True
+            for line in self._written():
+                entry = json.loads(line)
+                if entry["kind"] == "step-started" and (entry["step"], entry.get("window")) == (step, window):
+                    return True
             if self.process.poll() is not None:
                 assert may_end, self.process.stderr.read()
                 return False

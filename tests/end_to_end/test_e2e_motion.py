@@ -48,7 +48,7 @@ def creeps(stage):
 
 @pytest.mark.parametrize("step", ["Ask", "Settle", "CheckTension", "AwaitHandsOff", "Record"])
 @pytest.mark.parametrize("fault", [spins, lambda stage: moves(stage, 2, 0.25)], ids=["spinning drum", "set-point"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_winch_that_moves_while_it_should_hold_stops_within_ten_millimetres(rehearsal, truth, step, fault):
     rehearsal.at(step, lambda stage: (truth.watch(stage), fault(stage)), after=0.02)
     ended = rehearsal.run()
@@ -76,7 +76,7 @@ def test_a_slow_creep_is_seen_by_its_length(rehearsal, truth):
 
 
 @pytest.mark.parametrize(("step", "counts"), [("Ask", 3000), ("Settle", -3000), ("CheckWindow", 750), ("Record", 200)])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_an_encoder_that_jumps_is_seen_before_the_next_move(rehearsal, scene, step, counts):
     rehearsal.plan = scene.two
     rehearsal.at(step, lambda stage: stage.drive(2).faults.jump_encoder(counts), after=0.0)
@@ -118,6 +118,7 @@ def silences(ended, since):
 
 
 @pytest.mark.parametrize("how", ["fault of another", "SIGINT"])
+@pytest.mark.sampled(1)
 def test_a_drive_that_does_not_hear_a_stop_is_stopped_by_the_network_and_the_end_says_so(rehearsal, truth, how):
     slow(rehearsal)
 
@@ -165,6 +166,7 @@ def test_a_drive_that_hears_the_network_only_is_measured_after_it(rehearsal, tru
 @pytest.mark.parametrize(
     ("nodes", "frames", "away"), [((2,), 2, 0.0), ((2,), None, 0.0), ((1, 2, 3, 4), None, 0.0), ((), 0, 0.12)]
 )
+@pytest.mark.sampled(1)
 def test_a_quick_stop_that_is_lost_on_its_way_is_repeated_until_it_is_confirmed(rehearsal, truth, nodes, frames, away):
     """At 0.1 m/s NMT stop came after 7.1 mm, 13.4 mm where the bus was away. None: no RPDO arrives any more."""
 
@@ -281,7 +283,7 @@ def test_a_drum_behind_a_frozen_encoder_is_stopped_by_markers(rehearsal, truth, 
 
 @pytest.mark.parametrize(("step", "after"), [("Ask", 2.0), ("Record", 0.3), ("Settle", 0.05)])
 @pytest.mark.parametrize(("cable", "speed"), [(3, 0.05), (4, 0.05), (2, -0.05)])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_drum_that_another_program_turns_behind_a_frozen_encoder_shows_in_the_drives_set_point(
     rehearsal, truth, step, after, cable, speed
 ):
@@ -309,6 +311,7 @@ def test_a_slack_cable_may_pay_out_unseen_only_for_as_long_as_slack_is_allowed_b
 
 
 @pytest.mark.parametrize("offset", [(0.02, 0.0, 0.0), (0.0, 0.1, 0.1)])
+@pytest.mark.sampled(1)
 def test_a_marker_taken_for_another_for_a_moment_stops_nothing(rehearsal, scene, offset):
     rehearsal.settings = scene.short(seconds=3.0)
     rehearsal.at("Ask", lambda stage: stage.mocap.add("jumps", 0.4, offset), after=1.0)

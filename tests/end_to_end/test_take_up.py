@@ -168,7 +168,7 @@ FAILS = {
 
 
 @pytest.mark.parametrize("name", FAILS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_winch_that_pulls_is_left_in_no_torque_that_would_give_way(tmp_path, name):
     strike, says = FAILS[name]
     report, _, _ = carry_out(tmp_path / "run", Mode.PROFILE_POSITION, strike=strike)

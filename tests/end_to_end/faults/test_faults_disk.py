@@ -84,6 +84,6 @@ def test_a_file_that_may_not_be_made(rehearsal, fault, monkeypatch):
     window="kept",
     journal="RUN_FINISHED",
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_polite_kill(rehearsal, fault, number):
     fault.strikes(rehearsal, lambda stage: signal.raise_signal(number))

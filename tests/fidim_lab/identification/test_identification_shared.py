@@ -41,7 +41,7 @@ HARMLESS = {
 
 
 @pytest.mark.parametrize("name", HARMLESS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_parameters_come_back(shared, name):
     found = identify(read_campaign(shared / "campaigns" / name), checks=QUICK)
     com, inertia = errors(shared, name, found)

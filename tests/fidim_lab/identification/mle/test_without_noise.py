@@ -32,7 +32,8 @@ def simulated(four: Robot, record: Record) -> Callable[..., Campaign]:
     return make
 
 
-@pytest.mark.parametrize("digits", [None, 6, 5, 4])
+@pytest.mark.parametrize("digits", [None, 4, 5, 6])
+@pytest.mark.sampled(2)
 def test_the_right_model_explains_them_and_no_filter_is_told(
     simulated: Callable[..., Campaign], truth: Callable[[Robot], Body], four: Robot, digits: int | None
 ):

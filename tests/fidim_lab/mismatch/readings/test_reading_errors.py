@@ -39,7 +39,7 @@ def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., ReadingErro
     return found
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("hidden", "id", "cable", "sizes"),
     [
