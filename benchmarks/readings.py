@@ -4,8 +4,9 @@ python -m benchmarks.readings --runs 24 [--first 1] [--write]
 
 Each run takes the next kind: nothing; lengths that drift (all cables, or one), step or scatter (eccentric drums, or an
 encoder coarser than stated); cameras that drift; markers noisier than stated; a robot file off by a survey's error; one
-effect of the catalogue. Sizes are log-uniform. It records 7 + 4 windows of 6 s in the independent simulator and
-explains them. Right: the kind (and cable) is told and nothing else, or nothing of this kind where there is none.
+effect of the catalogue; a load that is put on at once or bit by bit. Sizes are log-uniform. It records 7 + 4 windows of
+6 s in the independent simulator and explains them. Right: the kind (and cable) is told and nothing else, or nothing of
+this kind where there is none.
 --write puts the table into docs/benchmarks/readings.md.
 """
 
@@ -40,9 +41,15 @@ KINDS = (
     "marker-noise",
     "survey",
     "swivel-friction",
+    "body-step",
+    "body-drift",
 )
+BODY = ("body-step", "body-drift")
+LOAD = np.array([0.05, -0.05, 0.1])
+"""m, from P to the load that is put on"""
 SMALLEST, LARGEST = 1.5e-4, 1.5e-3
-"""m, over the session: from an eighth of a millimetre, which encoders of 0.02 mm show, to what cameras see at once"""
+"""m, over the session: from an eighth of a millimetre, which encoders of 0.02 mm show, to what cameras see at once;
+of the body, what its centre of mass moves by"""
 
 
 @dataclass(frozen=True)
@@ -76,16 +83,19 @@ def run(seed: int) -> Row:
 def campaign(seed: int, kind: str, size: float, cable: int, rng: np.random.Generator) -> Campaign:
     """What is recorded of a world with this error, and its robot file."""
     robot = read_robot(PAPERS_ROBOT)
-    steady = size / HOURS
+    steady, load = size / HOURS, size * robot.mass / float(np.linalg.norm(LOAD - robot.nominal.com))
+    half = rng.uniform(0.25, 0.75) * HOURS * 3600
     turn = rng.standard_normal(3)
     x, y, z = steady * turn / np.linalg.norm(turn)
     hidden = {
         "length-drift": f"length-drift:rate={steady}",
         "length-drift of one cable": f"length-drift:rate={steady},cable={cable}",
-        "length-step": f"length-step:by={size},cable={cable},at={rng.uniform(0.25, 0.75) * HOURS * 3600}",
+        "length-step": f"length-step:by={size},cable={cable},at={half}",
         "length-scatter": f"length-scatter:size={size}",
         "camera-drift": f"camera-drift:x={x},y={y},z={z}",
         "swivel-friction": "swivel-friction:c=0.01",
+        "body-step": f"body-step:m={load},x={LOAD[0]},y={LOAD[1]},z={LOAD[2]},at={half}",
+        "body-drift": f"body-drift:rate={load / HOURS},x={LOAD[0]},y={LOAD[1]},z={LOAD[2]}",
     }.get(kind)
     noise = Noise.of(robot)
     if kind == "coarse encoder":
@@ -100,7 +110,7 @@ def campaign(seed: int, kind: str, size: float, cable: int, rng: np.random.Gener
 
 def is_right(kind: str, cable: int, found: Explanation) -> bool:
     """Whether the answer names the error alone."""
-    effects = [cause.id for cause in found.effects if cause.id != "length-drift"]
+    effects = [cause.id for cause in found.effects if cause.id not in ("length-drift", *BODY)]
     told = [(one.id, one.cable) for one in found.readings]
     wanted = {
         "length-drift": [("length-drift", None)],
@@ -110,6 +120,7 @@ def is_right(kind: str, cable: int, found: Explanation) -> bool:
         "coarse encoder": [("length-scatter", None)],
         "camera-drift": [("camera-drift", None)],
         "marker-noise": [("marker-noise", None)],
+        **{id: [(id, None)] for id in BODY},
     }.get(kind, [])
     return told == wanted and effects == (["swivel-friction"] if kind == "swivel-friction" else [])
 

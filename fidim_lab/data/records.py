@@ -250,6 +250,9 @@ class Window:
     encoder_zeros: PerCable | None = None
     """(n,) m: what was added to the encoders' readings so that they agree with the poses; the readings, without it,
     differ from the true lengths by the same in all windows of a session. None where none were read"""
+    body_change: np.ndarray | None = None
+    """(9,): what `Body.vector` has here beyond that of the campaign: of a body that changes over a session, found by
+    `fidim explain` and never recorded. None: nothing"""
 
     @property
     def duration(self) -> float:

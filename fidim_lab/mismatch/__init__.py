@@ -10,7 +10,7 @@ The packages, each of which imports only those below it:
     conclusion        where the search ended → verdict → an Explanation
     selection         which effects are left out: a search over fits and held-out windows
     cleaning          what is cut out of recordings, and what is put back    | unknown_force   the unknown wrench
-    readings          what lengths and cameras are off by, from window to window
+    session           what differs from window to window: errors of lengths and cameras, a body that changes
     scores            what a fit of effects would gain, to first order
     fitting           fits with effects, and predictions of held-out windows
     residuals         whether what a fit leaves is noise, and where it lies

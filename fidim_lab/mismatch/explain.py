@@ -25,7 +25,7 @@ from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.conclusion.message import body_parameters, tell
 from fidim_lab.mismatch.conclusion.opened_once import with_test
 from fidim_lab.mismatch.conclusion.parsimony_check import unless_outdone
-from fidim_lab.mismatch.conclusion.readings import with_readings
+from fidim_lab.mismatch.conclusion.session import with_session
 from fidim_lab.mismatch.conclusion.surveyed import with_geometry
 from fidim_lab.mismatch.conclusion.timing import with_timing
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
@@ -72,7 +72,7 @@ def explain(
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
     told = _beside(reached.before, told)
     told = with_geometry(told, last.baseline, reached.exact, judged)
-    told = with_readings(told, reached.errors, cleaned)
+    told = with_session(told, reached.changes, cleaned)
     told = with_timing(told, judged.named.model, put_right=last.retimed)
     whole, last_word = with_unknown(told, judged, last.cleaned.campaign, say)
     whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)
@@ -106,7 +106,7 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     """What was cleaned away, less what the model that is told makes needless."""
     found, audited = reached.last.found, reached.last.cleaned
     if found.best.is_white and judged.outdone_by is None:
-        right = campaign if reached.errors is None else reached.errors.put_right(campaign)
+        right = campaign if reached.changes is None else reached.changes.put_right(campaign)
         audited = without_needless(right, audited, found.best.model)
     if told.unknown is not None:
         audited = without_needless_contacts(cleaned, audited, told.unknown.fit)

@@ -19,11 +19,11 @@ from fidim_lab.mismatch.cleaning.restored import restored
 from fidim_lab.mismatch.conclusion.timing import RATE, one_clock, retimed
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.candidates import candidate, improves
 from fidim_lab.mismatch.selection.general_geometry import FirstLook, most_of_effects, opened, rival
 from fidim_lab.mismatch.selection.select import Selection, select
+from fidim_lab.mismatch.session.changes import SETTLED, SessionChanges, session_changes
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
@@ -65,13 +65,13 @@ class Reached:
     first: Round
     """by the clocks as they were recorded"""
     last: Round
-    errors: ReadingErrors | None = None
+    changes: SessionChanges | None = None
     """what was put right of the readings"""
 
     @property
     def before(self) -> Baseline:
         """The model as it is, beside which the answer is told."""
-        if self.errors is not None:
+        if self.changes is not None:
             return self.recorded
         return self.exact if self.last.baseline.geometry else self.first.baseline
 
@@ -95,10 +95,10 @@ class Rounds:
         if right is not None:
             return right.searched(recorded)
         found = self.searched(cleaned, recorded, look)
-        errors = self._beside_effects(found)
-        if errors is None:
+        changes = self._beside_effects(found)
+        if changes is None:
             return found
-        again = self._put_right(cleaned, errors).searched(recorded)
+        again = self._put_right(cleaned, changes).searched(recorded)
         kept = again.last.found.best.is_white and again.last.unexplained <= found.last.unexplained
         return again if kept else found
 
@@ -109,15 +109,15 @@ class Rounds:
         evident beside an open geometry, and more so than any effect there.
         """
         recorded, seen = look.exact, look.seen
-        errors = reading_errors(recorded.fit, recorded.campaign, SHARED.enough)
-        if errors is None or _effects_say_more(seen, errors):
+        changes = session_changes(recorded.fit, recorded.campaign, SHARED.enough)
+        if changes is None or _effects_say_more(seen, changes):
             return None
         if not recorded.geometry:
-            beside = reading_errors(look.opened.fit, recorded.campaign, SHARED.enough)
+            beside = session_changes(look.opened.fit, recorded.campaign, SHARED.enough)
             if beside is None or _effects_say_more(FirstLook(look.opened, self.say).seen, beside):
                 return None
-            errors = errors if errors.kinds <= beside.kinds else beside
-        right = self._put_right(cleaned, errors)
+            changes = changes if changes.kinds <= beside.kinds else beside
+        right = self._put_right(cleaned, changes)
         if seen is None:
             return right
         before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.look.exact))
@@ -126,7 +126,7 @@ class Rounds:
         takes = after.is_white or after.whiteness.excess < SHARED.half * before.whiteness.excess
         return right if takes and improves(after, before, feeble=True) else None
 
-    def _beside_effects(self, found: Reached) -> ReadingErrors | None:
+    def _beside_effects(self, found: Reached) -> SessionChanges | None:
         """What the readings are off by beside effects that leave only noise of the markers."""
         best, last = found.last.found.best, found.last
         if not (best.is_white and best.model.tried and best.model.whole):
@@ -134,14 +134,22 @@ class Rounds:
         general = rival(last.found.last)
         if general is not None and general.best > ODDS:
             return None  # a geometry that could be open says as much
-        return reading_errors(best.model.fit, last.cleaned.campaign, SHARED.enough)
+        return session_changes(best.model.fit, last.cleaned.campaign, SHARED.enough)
 
-    def _put_right(self, cleaned: Cleaned, errors: ReadingErrors) -> "_Right":
-        """The readings as their sensors should have read, fitted."""
-        self.say("lengths or cameras read differently between windows: fitting the corrected readings")
-        right = replace(cleaned, campaign=errors.put_right(cleaned.campaign))
-        rounds = self.of_robot(right.campaign.robot)
-        return _Right(rounds, right, FirstLook(rounds.fitted(right.campaign), self.say), errors)
+    def _put_right(self, cleaned: Cleaned, changes: SessionChanges) -> "_Right":
+        """The readings as their sensors should have read, and the body as each window has it, fitted."""
+        what = "the body is" if changes.moves_body else "lengths or cameras read"
+        self.say(f"{what} not the same in all windows: fitting with that corrected")
+        right = changes.put_right(cleaned.campaign)
+        rounds = self.of_robot(right.robot)
+        fitted = rounds.fitted(right)
+        for _ in range(SHARED.rounds if changes.moves_body else 0):
+            sharper, moved = changes.sharpened(fitted.fit)
+            if moved < SETTLED:
+                break
+            changes, right = sharper, sharper.put_right(cleaned.campaign)
+            fitted = rounds.fitted(right)
+        return _Right(rounds, replace(cleaned, campaign=right), FirstLook(fitted, self.say), changes)
 
     def of_robot(self, robot: Robot) -> "Rounds":
         """The same of a robot whose sensors have another noise."""
@@ -270,12 +278,12 @@ class _Right:
     """of the robot with the noise that was found"""
     cleaned: Cleaned
     look: FirstLook
-    errors: ReadingErrors
+    changes: SessionChanges
 
     def searched(self, recorded: Baseline) -> Reached:
         """Where the search of it ends. recorded: the baseline of the campaign as it was recorded."""
         found = self.rounds.searched(self.cleaned, recorded, self.look)
-        return replace(found, errors=self.errors)
+        return replace(found, changes=self.changes)
 
 
 def _takes_more(exact: Round, surveyed: Round) -> bool:
@@ -284,9 +292,9 @@ def _takes_more(exact: Round, surveyed: Round) -> bool:
     return best.is_white or other.whiteness.excess >= SHARED.half * best.whiteness.excess
 
 
-def _effects_say_more(seen: View | None, errors: ReadingErrors) -> bool:
+def _effects_say_more(seen: View | None, changes: SessionChanges) -> bool:
     """Whether readings do not lead the effects that were looked at by odds of 20; never where nothing is missing."""
-    return seen is not None and errors.nats < most_of_effects(seen, errors.temper) + ODDS
+    return seen is not None and changes.nats < most_of_effects(seen, changes.temper) + ODDS
 
 
 def _without(cleaned: Cleaned, pushes: Sequence[Contact], say: Say) -> Cleaned:

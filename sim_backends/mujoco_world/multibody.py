@@ -22,6 +22,8 @@ BEFORE_ENTRY = 1e-3
 """m of each cable before its entry point D"""
 SIDE_ANGLE = 1.9
 """rad along the wrap, where the side site stands"""
+HOUR = 3600.0
+"""s"""
 GUIDE = 0.05
 """m from the swivel axis to where a guide begins"""
 STIFF = 'solref="0.0007 0.7" solimp="0.9999 0.99999 0.001"'
@@ -31,8 +33,10 @@ SWIVEL = '<inertial pos="0 0 0" mass="1e-4" diaginertia="1e-8 1e-8 1e-8"/>'
 """as light as the engine's arithmetic allows: 1e-5 of the platform's inertia at a lever of 0.3 m"""
 
 
-def multibody_xml(world: World, pose: Pose) -> str:
+def multibody_xml(world: World, pose: Pose, t: float = 0.0) -> str:
     """The robot of a world, its nominal pose being this one of P; its tendons keep the lengths they have there.
+
+    t: s of the session, at which its loads are what they are.
 
     Body `platform` (the first, with a free joint at P), tendon and equality i hold cable i; forces are not in it.
     """
@@ -49,7 +53,7 @@ def multibody_xml(world: World, pose: Pose) -> str:
   <worldbody>
     <body name="platform" pos="{numbers(pose.position)}" quat="{numbers(quaternion)}">
       <freejoint/>
-      <inertial pos="{numbers(world.body.com)}" mass="{world.mass:.17g}" fullinertia="{numbers(_inertia(world))}"/>
+      {_inertial(world, t)}
       {attachments}
     </body>
     {swivels}
@@ -93,9 +97,20 @@ def _guides(number: int) -> str:
     )
 
 
-def _inertia(world: World) -> np.ndarray:
-    """xx yy zz xy xz yz about G, kg m²."""
-    return world.mass * world.body.inertia_about_com[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+def _inertial(world: World, t: float) -> str:
+    """The platform with its loads at t."""
+    parts = [(world.mass, world.body.com, world.mass * world.body.inertia_about_com)]
+    for load in world.effects("body-step", "body-drift"):
+        put_on = load["m"] * (t >= load["at"]) if load.id == "body-step" else load["rate"] * t / HOUR
+        parts.append((put_on, load.vector("x", "y", "z"), np.zeros((3, 3))))
+    mass = sum(part for part, _, _ in parts)
+    com = sum(part * at for part, at, _ in parts) / mass
+    inertia = np.zeros((3, 3))
+    for part, at, own in parts:
+        arm = at - com
+        inertia += own + part * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
+    six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return f'<inertial pos="{numbers(com)}" mass="{mass:.17g}" fullinertia="{numbers(six)}"/>'
 
 
 def numbers(values: object) -> str:

@@ -68,6 +68,7 @@ class MujocoPlant:
     def rest(self, lengths: PerCable, near: Pose | None = None, displacement: np.ndarray | None = None) -> Rest:
         """As `Plant.rest`: by itself, or held `displacement` (x, y; m) aside. Raises InfeasibleError without one."""
         true = self._paid_out.true(np.asarray(lengths, dtype=float))
+        self._statics.t = self._paid_out.t
         rest = self._statics.rest(true, near)
         return rest if displacement is None else self._statics.held_aside(rest, true, displacement)
 
@@ -76,7 +77,7 @@ class MujocoPlant:
 
         Raises InfeasibleError where MuJoCo's cables have other lengths there: it does not wrap a pulley.
         """
-        self._model = self._mujoco.MjModel.from_xml_string(multibody_xml(self.world, rest.pose))
+        self._model = self._mujoco.MjModel.from_xml_string(multibody_xml(self.world, rest.pose, t))
         self._data = self._mujoco.MjData(self._model)
         self._drums, self._start, self._window_start = np.array(lengths, dtype=float), t, t
         self._paid_out.restart(t)

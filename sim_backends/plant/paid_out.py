@@ -36,6 +36,11 @@ class PaidOut:
         self._crept = np.zeros(world.n)
         self._held = np.ones(world.n, dtype=bool)
 
+    @property
+    def t(self) -> float:
+        """s of the session"""
+        return self._t
+
     def restart(self, t: float) -> None:
         """Every cable is held from now (s of the session) on, and has not crept yet."""
         self._t = t

@@ -117,6 +117,7 @@ class Plant:
             InfeasibleError: there is no such rest with all cables taut.
         """
         true = self._paid_out.true(np.asarray(lengths, dtype=float))
+        self._statics.t = self._paid_out.t
         rest = self._statics.rest(true, near)
         return rest if displacement is None else self._statics.held_aside(rest, true, displacement)
 

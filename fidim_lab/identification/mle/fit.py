@@ -27,7 +27,7 @@ from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Poi
 from fidim_lab.identification.mle.trajectories.normal import Prior, reduced
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, ROUGH, Ending, optimise
 from fidim_lab.identification.mle.trajectories.rate_likelihood import RateLikelihood
-from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
+from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, body_changes, prepare
 from fidim_lab.identification.mle.trajectories.stages import EARLY, FAR_PRIOR, HORIZONS, TRUSTED, Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -284,7 +284,8 @@ def likelihood_of(
 ) -> Likelihood:
     """What was recorded, with the noise of the sensors, and the first guesses made whole."""
     begins = np.array([recording.begin for recording in recordings])
-    states = tied(mechanism, shared, as_states(guesses), begins) if mechanism.springs else as_states(guesses)
+    states = replace(as_states(guesses), body_changes=body_changes(recordings))
+    states = tied(mechanism, shared, states, begins) if mechanism.springs else states
     if reads_rates(mechanism):
         return RateLikelihood(mechanism, recordings, states, sensors.gyro_noise, sensors.encoder_resolution)
     shapes = noise_shapes([(recording.t, recording.markers) for recording in recordings], sensors.marker_noise)

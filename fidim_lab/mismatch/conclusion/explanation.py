@@ -72,13 +72,13 @@ class NamedCause:
 
 @dataclass(frozen=True)
 class Reading:
-    """An error of lengths, cameras or their noise: of the sensors, or cables that grow."""
+    """What differs from window to window: lengths, cameras, their noise, or the body."""
 
     id: str
     cable: int | None
     """1-based"""
     equivalent_to: tuple[str, ...]
-    """other errors of readings that odds of 20 do not exclude"""
+    """other differences that odds of 20 do not exclude"""
     parameters: dict[str, EffectParameter]
     says: str
     next: str

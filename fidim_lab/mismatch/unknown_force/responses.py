@@ -173,7 +173,7 @@ def _until(one: Trajectories, end: float) -> Trajectories:
     grid = one.grid.covering(min(end, one.grid.blocks * one.grid.resolution.block), one.grid.resolution)
     nodes = grid.blocks * k + 1
     parts = (one.positions, one.rotations, one.twists, one.accelerations, one.tensions)
-    return Trajectories(grid, one.begins, *(part[:, :nodes] for part in parts))
+    return Trajectories(grid, one.begins, *(part[:, :nodes] for part in parts), body_changes=one.body_changes)
 
 
 def _along(

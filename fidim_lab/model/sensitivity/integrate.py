@@ -46,12 +46,19 @@ class States:
     """of the springs by their stretch alone, N/kg; None: not known yet (`starts.tied`)"""
     astray: Float[np.ndarray, "W extra"] | None = None
     """how far effects' own states are from where they usually begin (`Effect.extra_start`); None: nowhere"""
+    body_changes: Float[np.ndarray, "W 9"] | None = None
+    """what the body of each window has beyond the shared one (`Window.body_change`); None: nothing"""
 
     def of(self, chosen: np.ndarray) -> "States":
         """Some of the windows."""
-        tensions = None if self.tensions is None else self.tensions[chosen]
-        astray = None if self.astray is None else self.astray[chosen]
-        return States(self.positions[chosen], self.rotations[chosen], self.twists[chosen], tensions, astray)
+        tensions, astray, changes = (
+            None if values is None else values[chosen] for values in (self.tensions, self.astray, self.body_changes)
+        )
+        return States(self.positions[chosen], self.rotations[chosen], self.twists[chosen], tensions, astray, changes)
+
+    def shared(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "W shared"]:
+        """The shared parameters as each window has them."""
+        return _with_changes(shared, self.body_changes, len(self.positions))
 
     def with_one(self, window: int, other: "States", place: int) -> "States":
         """With the state of one window taken from a place in others."""
@@ -74,6 +81,7 @@ class States:
             taken(self.twists, other.twists),
             tensions,
             astray,
+            self.body_changes,
         )
 
 
@@ -94,6 +102,8 @@ class Trajectories:
     """lengths of the springs, m; None where there are none"""
     extra: Float[np.ndarray, "W N extra"] | None = None
     """effects' own states; None where there are none"""
+    body_changes: Float[np.ndarray, "W 9"] | None = None
+    """as in the states that they began with"""
 
     def only(self, window: int) -> "Trajectories":
         """One of the windows alone."""
@@ -104,8 +114,9 @@ class Trajectories:
         state = (self.positions[chosen], self.rotations[chosen], self.twists[chosen])
         unstretched = None if self.unstretched is None else self.unstretched[chosen]
         extra = None if self.extra is None else self.extra[chosen]
+        changes = None if self.body_changes is None else self.body_changes[chosen]
         forces = (self.accelerations[chosen], self.tensions[chosen])
-        return Trajectories(self.grid, self.begins[chosen], *state, *forces, unstretched, extra)
+        return Trajectories(self.grid, self.begins[chosen], *state, *forces, unstretched, extra, changes)
 
     @property
     def is_coarse(self) -> Bool[np.ndarray, " W"]:
@@ -142,7 +153,7 @@ class Trajectories:
         """What the equations of motion take as constant in each window: unstretched lengths and shared parameters."""
         count = len(self.begins)
         lengths = np.zeros((count, 0)) if self.unstretched is None else self.unstretched
-        return np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
+        return np.concatenate([lengths, _with_changes(shared, self.body_changes, count)], axis=1)
 
     def constants_at_nodes(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "K constants"]:
         """The same for every node of every window, K = W N."""
@@ -192,7 +203,7 @@ def integrate(
     own = np.zeros((count, 0)) if extra is None else extra
     state = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists, own], axis=1)
     lengths = np.zeros((count, 0)) if unstretched is None else unstretched
-    constants = np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
+    constants = np.concatenate([lengths, states.shared(shared)], axis=1)
     at = np.empty((count, nodes, state.shape[1]))
     outputs = np.empty((count, nodes, 6 + own.shape[1] + mechanism.n))
     for some in blocks(nodes):
@@ -213,6 +224,7 @@ def integrate(
         tensions=outputs[..., 6 + own.shape[1] :],
         unstretched=unstretched,
         extra=None if extra is None else at[..., 18:],
+        body_changes=states.body_changes,
     )
 
 
@@ -231,13 +243,13 @@ def _followed(
 
     def nearby(began: Began, at: float) -> np.ndarray:
         """How rigid cables would let the platform move in the block that begins so."""
-        there = States(began.positions, began.rotations, began.moving[:, :6])
+        there = States(began.positions, began.rotations, began.moving[:, :6], body_changes=states.body_changes)
         return integrate(rigid, shared[:BODY], there, one, begins + at).twists
 
     count = len(states.positions)
     own = np.zeros((count, 0)) if extra is None else extra
     lengths = np.zeros((count, 0)) if unstretched is None else unstretched
-    constants = np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
+    constants = np.concatenate([lengths, states.shared(shared)], axis=1)
     moving = np.concatenate([states.twists, own], axis=1)
     began = Began(states.positions, states.rotations, moving)
     found = follow(mechanism, grid, begins, constants, began, nearby)
@@ -251,7 +263,16 @@ def _followed(
         tensions=found.slopes[..., 6 + own.shape[1] :],
         unstretched=unstretched,
         extra=None if extra is None else found.moving[..., 6:],
+        body_changes=states.body_changes,
     )
+
+
+def _with_changes(shared: np.ndarray, changes: np.ndarray | None, windows: int) -> Float[np.ndarray, "W shared"]:
+    every = np.broadcast_to(shared, (windows, len(shared)))
+    if changes is None:
+        return every
+    width = changes.shape[1]
+    return np.concatenate([every[:, :width] + changes, every[:, width:]], axis=1)
 
 
 def node_times(trajectories: Trajectories) -> Float[np.ndarray, "K 1"]:

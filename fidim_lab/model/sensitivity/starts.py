@@ -100,6 +100,7 @@ def moved(
         twists=states.twists + rates,
         tensions=None if states.tensions is None else states.tensions + steps[:, last:springs],
         astray=_astray(mechanism, states) + steps[:, springs:],
+        body_changes=states.body_changes,
     )
     return tied(mechanism, shared, changed, begins)
 
@@ -170,8 +171,8 @@ def quiet_springs(mechanism: Mechanism, shared: np.ndarray, states: States, begi
     chosen = list(sprung(mechanism))
     compiled = mechanism.compiled("sensitivity: quiet springs", _compile_quiet)
     count, n = len(states.positions), mechanism.n
-    given = (begins[:, np.newaxis], states.positions, states.rotations.reshape(count, 9), states.twists, shared)
-    pull, spread, compliance = over_samples(compiled, count, *given)
+    given = (begins[:, np.newaxis], states.positions, states.rotations.reshape(count, 9), states.twists)
+    pull, spread, compliance = over_samples(compiled, count, *given, states.shared(shared))
     spread = spread.reshape(count, n, n)
     compliance[:, [k for k in range(n) if k not in chosen]] = 0.0
     soft = SLOW**2 * compliance[:, np.newaxis] * np.eye(n)
@@ -217,7 +218,7 @@ def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins
         states.positions,
         states.rotations,
         states.twists,
-        shared,
+        states.shared(shared),
         np.zeros((count, 0)) if states.tensions is None else states.tensions,
         _astray(mechanism, states),
     )

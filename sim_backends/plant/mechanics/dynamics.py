@@ -26,6 +26,7 @@ from sim_backends.plant.mechanics.kinematics import (
     stalks,
     sticking,
 )
+from sim_backends.plant.mechanics.loads import loaded, loads, loads_of
 from sim_backends.plant.mechanics.posts import on_bent_posts, soft_posts
 from sim_backends.plant.mechanics.pulley import Tangent, tangent
 from sim_backends.plant.mechanics.terms import (
@@ -243,6 +244,8 @@ def energy(world: World, symbols: Inputs) -> ca.SX:
         if needs_attached(world):
             cable = world.cables[i]
             total += attached_function(world, cable)(end.point.position - ca.DM(cable.d), end.velocity)[3]
+    for load, point in loads_of(body):  # its speed is in the mass matrix
+        total -= load * ca.dot(ca.DM(world.gravity), point.position)
     for effect in world.effects("umbilical"):
         reach = body.point(effect.vector("bx", "by", "bz")).position
         length = ca.norm_2(reach - ca.DM(effect.vector("x", "y", "z") + world.middle))
@@ -275,12 +278,12 @@ def mass_and_force(body: Platform) -> tuple[ca.SX, ca.SX]:
             takes = attached[0] @ (end.point.centripetal - body.sway[2]) + attached[1]
             mass = mass + lever.T @ attached[0] @ lever
             force = force + lever.T @ (attached[2] - takes)
-    return mass, force
+    return loaded(body, mass, force)
 
 
 def inverse_of(world: World, mass: ca.SX) -> ca.SX:
-    """M⁻¹; without attached inertia M is constant and its inverse a number."""
-    if needs_attached(world):
+    """M⁻¹; without attached inertia and loads M is constant and its inverse a number."""
+    if needs_attached(world) or loads(world):
         return solve_spd(mass, ca.SX.eye(6))
     inertia = world.mass * world.body.inertia_about_com
     return ca.SX(ca.diagcat(ca.DM.eye(3) / world.mass, ca.DM(np.linalg.inv(inertia))))

@@ -59,16 +59,20 @@ class Rest:
 
 
 class Statics:
-    """Finds poses at rest in one world (compiled once)."""
+    """Finds poses at rest in one world (compiled once).
+
+    t: of the session, s, settable: when it is that the platform rests.
+    """
 
     def __init__(self, world: World) -> None:
+        self.t = 0.0
         self._world = world
         z, tension, lengths = ca.SX.sym("z", 7), ca.SX.sym("tension", world.n), ca.SX.sym("lengths", world.n)
-        hand, stiffness = ca.SX.sym("hand", HAND_SIZE), ca.SX.sym("stiffness")
-        residual = _residual(world, z, tension, lengths, hand)
+        hand, stiffness, t = ca.SX.sym("hand", HAND_SIZE), ca.SX.sym("stiffness"), ca.SX.sym("t")
+        residual = _residual(world, z, tension, lengths, hand, t)
         unknown = ca.vertcat(z, tension)
         self._newton = ca.Function(
-            "newton", [unknown, lengths, hand], [residual, ca.densify(ca.jacobian(residual, unknown))]
+            "newton", [unknown, lengths, hand, t], [residual, ca.densify(ca.jacobian(residual, unknown))]
         )
         soft = _soft_energy(world, z, lengths, stiffness)
         self._soft = ca.Function("soft", [z, lengths, stiffness], [soft, ca.gradient(soft, z), ca.hessian(soft, z)[0]])
@@ -135,7 +139,9 @@ class Statics:
 
     def _soft_tensions(self, z: np.ndarray, lengths: PerCable) -> PerCable:
         """What the stiffest of the soft cables pull with."""
-        beyond = self._newton(np.concatenate([z, np.zeros_like(lengths)]), lengths, np.zeros(HAND_SIZE))[0].full()
+        beyond = self._newton(np.concatenate([z, np.zeros_like(lengths)]), lengths, np.zeros(HAND_SIZE), self.t)[
+            0
+        ].full()
         return SOFT[-1] * np.maximum(beyond.ravel()[6 : 6 + len(lengths)], 0.0)
 
     def _solve(self, unknown: np.ndarray, lengths: PerCable, hand: np.ndarray) -> np.ndarray:
@@ -159,10 +165,10 @@ class Statics:
         """
 
         def residual(z: np.ndarray) -> np.ndarray:
-            return self._newton(z, lengths, hand)[0].full().ravel()
+            return self._newton(z, lengths, hand, self.t)[0].full().ravel()
 
         def jacobian(z: np.ndarray) -> np.ndarray:
-            return self._newton(z, lengths, hand)[1].full()
+            return self._newton(z, lengths, hand, self.t)[1].full()
 
         found = least_squares(residual, unknown, jacobian, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
         return found.x, float(np.linalg.norm(found.fun)) if found.x[7:].min() > 0 else np.inf
@@ -171,7 +177,7 @@ class Statics:
         self, unknown: np.ndarray, lengths: PerCable, hand: np.ndarray, length_weight: float
     ) -> tuple[np.ndarray, float]:
         """The last point that Newton's method reaches, and the size of the residual tried last."""
-        residual, jacobian = (part.full() for part in self._newton(unknown, lengths, hand))
+        residual, jacobian = (part.full() for part in self._newton(unknown, lengths, hand, self.t))
         weights = np.ones_like(residual)
         weights[6 : 6 + len(lengths)] = length_weight
         for _ in range(MOST_NEWTON):
@@ -181,7 +187,7 @@ class Statics:
             step = np.linalg.lstsq(jacobian, -residual.ravel(), rcond=1e-13)[0]
             for shorter in (1.0, 0.5, 0.25, 0.1, 0.02):
                 trial = unknown + shorter * step
-                residual, jacobian = (part.full() for part in self._newton(trial, lengths, hand))
+                residual, jacobian = (part.full() for part in self._newton(trial, lengths, hand, self.t))
                 if np.linalg.norm(weights * residual) < before:
                     break
             else:
@@ -205,9 +211,9 @@ class Statics:
         return Rest(coordinates=unknown[:7].copy(), tensions=tensions.copy(), marker=marker, pose=pose)
 
 
-def _residual(world: World, z: ca.SX, tension: ca.SX, lengths: ca.SX, hand: ca.SX) -> ca.SX:
+def _residual(world: World, z: ca.SX, tension: ca.SX, lengths: ca.SX, hand: ca.SX, t: ca.SX) -> ca.SX:
     """Force (N) and moment (N m) about G, lengths (m) with stretch, and the quaternion's length."""
-    body = platform(world, _still(world, z), ca.SX.zeros(3), still=True)
+    body = platform(world, _still(world, z), ca.vertcat(t, ca.SX.zeros(2)), still=True)
     mass, force = mass_and_force(body)
     jacobian = ca.vertcat(*(row_of(body, i) for i in range(world.n)))
     push = generalised(body, hand_push(body, hand))

@@ -60,6 +60,7 @@ def test_three_seconds_agree_to_micrometres(irma4: Robot, plain: np.ndarray):
     "effects",
     [
         ["air-drag-linear:c=5"],
+        ["body-step:m=0.4,at=0"],
         ["air-drag-quadratic:c=20"],
         ["rotational-drag"],
         ["constant-force", "gravity-tilt"],
@@ -73,7 +74,7 @@ def test_three_seconds_agree_to_micrometres(irma4: Robot, plain: np.ndarray):
     ],
 )
 @needs_mujoco
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(5)
 def test_hidden_effects_agree(irma4: Robot, plain: np.ndarray, effects: list[str]):
     world = _world(irma4, *effects)
     native, _ = _swing(Plant(world), LENGTHS, ASIDE, 1.5)

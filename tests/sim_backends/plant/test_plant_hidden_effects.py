@@ -1,10 +1,12 @@
 """`--hide`: what it reads and refuses, and that each effect changes the motion in the way its physics says."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fidim_lab.data.records import Body
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.errors import SetupError
 from sim_backends.plant.hidden import CATALOGUE, parse_effect
@@ -12,6 +14,7 @@ from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])
+ASIDE = np.array([0.03, -0.02])
 
 ONLY_SENSORS = {"frame-misalignment", "capture-scale", "clock-rate", "time-offset", "sensor-fault"}
 DISSIPATIVE = {
@@ -197,6 +200,34 @@ def test_an_encoder_zero_is_reading_minus_truth(world_of, lengths_of):
 def test_gravity_tilt_turns_the_weight_and_keeps_its_size(world_of):
     gravity = world_of("gravity-tilt:rx=0.01,ry=0").gravity
     np.testing.assert_allclose(gravity, [0.0, 9.81 * np.sin(0.01), -9.81 * np.cos(0.01)], atol=1e-12)
+
+
+def test_a_load_is_part_of_the_body_from_its_time_on(world_of):
+    """The same motion as of a world whose one body is both together, by the parallel-axis theorem."""
+    mass, at = 0.4, np.array([0.06, -0.03, 0.11])
+    world = world_of("body-step:m=0.4,x=0.06,y=-0.03,z=0.11,at=100")
+    plain = world_of()
+    total = world.mass + mass
+    com = (world.mass * world.body.com + mass * at) / total
+    point = mass * (at @ at * np.eye(3) - np.outer(at, at))[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    both = replace(plain, mass=total, body=Body(com, (world.mass * world.body.inertia + point) / total))
+    for start, same in ((50.0, plain), (150.0, both)):
+        (loaded, energy), (merged, other) = _released(world, start), _released(same, start)
+        np.testing.assert_allclose(loaded, merged, atol=1e-8)
+        np.testing.assert_allclose(energy - energy[0], other - other[0], atol=1e-6)
+    assert np.abs(_released(both, 0.0)[0] - _released(plain, 0.0)[0]).max() > 1e-3
+
+
+def _released(world, start):
+    """Main marker and energy in the second after a release at `start`."""
+    plant = Plant(world)
+    plant.place(plant.rest(LENGTHS), LENGTHS, start)
+    plant.place(plant.rest(LENGTHS, displacement=ASIDE), LENGTHS, start)
+    seen = []
+    for k in range(101):
+        plant.advance(start + k / 100)
+        seen.append((plant.markers()[0], plant.energy()))
+    return np.array([one for one, _ in seen]), np.array([one for _, one in seen])
 
 
 def test_the_swaying_frame_carries_the_platform_along(world_of, lengths_of):

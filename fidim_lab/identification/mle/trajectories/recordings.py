@@ -13,6 +13,7 @@ from fidim_lab.arrays import PerCable, Series
 from fidim_lab.data.own_sensors import angular_rates, has_rates_alone
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.measurement import MotionSensor
 from fidim_lab.model.side_by_side import cores
@@ -108,6 +109,14 @@ def prepare(window: Window, robot: Robot, *, rates: bool = False) -> FollowedSam
         lengths=_encoder_means(window, robot.n),
         first_lengths=_encoder_at(window, robot.n, float(window.t[rows[0]])),
     )
+
+
+def body_changes(recordings: Sequence[FollowedSamples]) -> Float[np.ndarray, "W 9"] | None:
+    """What the body of each window has beyond the shared one; None where it is the same in all."""
+    changes = [recording.window.body_change for recording in recordings]
+    if all(change is None for change in changes):
+        return None
+    return np.array([np.zeros(BODY) if change is None else change for change in changes])
 
 
 def _encoder_means(window: Window, cables: int) -> PerCable:

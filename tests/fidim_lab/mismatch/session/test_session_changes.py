@@ -1,4 +1,4 @@
-"""Errors of readings, hidden by the other simulator, are found with kind, cable, window and size."""
+"""What differs between windows, hidden by the other simulator, is found with kind, cable, window and size."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,18 +7,21 @@ import numpy as np
 import pytest
 
 from benchmarks.sealed.campaigns import NATIVE, SealedRecipe, sealed_campaign
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Campaign, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
-from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.rounds import Rounds
 from fidim_lab.mismatch.selection.general_geometry import opened
+from fidim_lab.mismatch.session.changes import SETTLED, SessionChanges, session_changes
 from fidim_lab.mismatch.thresholds import SHARED
+from fidim_lab.model.mechanism import Mechanism
+from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import BETWEEN, Sampling, simulate_campaign
@@ -29,12 +32,12 @@ SESSION = (WINDOWS) * BETWEEN / 3600
 
 
 @pytest.fixture(scope="module")
-def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., ReadingErrors | None]:
+def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., SessionChanges | None]:
     """Of a campaign in which this is hidden."""
 
-    def found(*texts: str) -> ReadingErrors | None:
+    def found(*texts: str) -> SessionChanges | None:
         base = baseline_of(*texts, seed=SEED, windows=WINDOWS, seconds=SECONDS)
-        return reading_errors(base.fit, base.campaign, SHARED.enough)
+        return session_changes(base.fit, base.campaign, SHARED.enough)
 
     return found
 
@@ -50,7 +53,7 @@ def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., ReadingErro
     ],
 )
 def test_what_readings_are_off_by_is_found_with_its_size(
-    errors_of: Callable[..., ReadingErrors | None], hidden: str, id: str, cable: int | None, sizes: list[float]
+    errors_of: Callable[..., SessionChanges | None], hidden: str, id: str, cable: int | None, sizes: list[float]
 ) -> None:
     found = errors_of(hidden)
     assert found is not None
@@ -59,7 +62,66 @@ def test_what_readings_are_off_by_is_found_with_its_size(
     np.testing.assert_allclose(first.theta, sizes, atol=float(max(4 * first.sd.max(), 4e-5)))
 
 
-def test_drums_that_are_eccentric_scatter(errors_of: Callable[..., ReadingErrors | None]) -> None:
+@pytest.mark.parametrize(
+    ("hidden", "id", "first", "mass"),
+    [("body-step:m=0.1,at=170", "body-step", 3, 0.1), ("body-drift:rate=1.5", "body-drift", None, 1.5 * SESSION)],
+)
+def test_a_load_that_is_put_on_is_told_with_mass_and_place(
+    baseline_of: Callable[..., Baseline], irma4: Robot, hidden: str, id: str, first: int | None, mass: float
+) -> None:
+    base = baseline_of(hidden, seed=SEED, windows=WINDOWS, seconds=SECONDS)
+    found = session_changes(base.fit, base.campaign, SHARED.enough)
+    assert found is not None
+    for _ in range(2):  # a body acts on many swings by more than to first order
+        found, moved = found.sharpened(fitted_again(found.put_right(base.campaign)).fit)
+    assert moved < SETTLED
+    (change,) = found.found
+    assert (change.kind.id, change.kind.first) == (id, None if first is None else found.order[first])
+    load = found.load(change)
+    assert load is not None
+    assert load.share * irma4.mass == pytest.approx(mass, abs=4 * load.share_sd * irma4.mass + 0.012 * mass)
+    np.testing.assert_allclose((load.at - [0.05, -0.05, 0.1]) / load.at_sd, 0.0, atol=4.0)
+
+
+def fitted_again(campaign: Campaign) -> Baseline:
+    return fit_baseline(campaign, native=True, say=lambda _: None)
+
+
+def test_a_body_of_its_own_in_a_single_window_is_told(baseline_of: Callable[..., Baseline]) -> None:
+    loaded = baseline_of("body-step:m=0.1,at=0", seed=SEED, windows=WINDOWS, seconds=SECONDS).campaign
+    plain = baseline_of(seed=SEED, windows=WINDOWS, seconds=SECONDS).campaign
+    odd = plain.windows[2].id
+    windows = tuple(loaded.windows[2] if window.id == odd else window for window in plain.windows)
+    found = session_changes(fitted_again(replace(plain, windows=windows)).fit, plain, SHARED.enough)
+    assert found is not None
+    assert [(one.kind.id, one.kind.first) for one in found.found] == [("body-once", odd)]
+
+
+def test_a_window_with_a_body_of_its_own_moves_as_if_all_had_it(baseline_of: Callable[..., Baseline]) -> None:
+    campaign = baseline_of(seed=SEED, windows=WINDOWS, seconds=SECONDS).campaign
+    change = np.array([1e-3, -2e-3, 1e-3, 1e-4, 2e-4, 1e-4, 0.0, 1e-4, 0.0])
+    windows, mechanism = list(campaign.of_role(Role.IDENTIFY)), Mechanism(campaign.robot, native=True)
+    plain = fit(mechanism, windows)
+    moved = fit(mechanism, [replace(window, body_change=change) for window in windows])
+    np.testing.assert_allclose((plain.values - change - moved.values) / plain.sd, 0.0, atol=1e-3)
+    assert moved.excess == pytest.approx(plain.excess, rel=1e-6)
+
+
+def test_explain_names_a_load_and_predicts_with_it(irma4: Robot) -> None:
+    hidden = (parse_effect("body-step:m=0.1,at=230", irma4.n),)
+    plan, world = random_plan(irma4, "load", 6, 3, SEED), make_world(irma4, np.random.default_rng(SEED), hidden)
+    campaign, truth = simulate_campaign(irma4, plan, world, np.random.default_rng(4), recording=Sampling(SECONDS))
+    found = explain(campaign)
+    assert found.verdict is Verdict.EXPLAINED
+    assert [(one.id, one.single) for one in found.effects] == [("body-step", True)]
+    assert found.rms_mm.after is not None
+    assert found.rms_mm.after < 0.11
+    assert "as a load of" in found.message
+    s_z = found.parameters["s_z"]
+    assert abs(s_z.value - np.array(truth["s"])[2]) < 4 * s_z.sd
+
+
+def test_drums_that_are_eccentric_scatter(errors_of: Callable[..., SessionChanges | None]) -> None:
     found = errors_of("length-scatter:size=0.0003")
     assert found is not None
     assert [one.kind.id for one in found.found][:1] == ["length-scatter"]
@@ -67,12 +129,12 @@ def test_drums_that_are_eccentric_scatter(errors_of: Callable[..., ReadingErrors
 
 
 @pytest.mark.slow
-def test_a_session_without_errors_has_none(errors_of: Callable[..., ReadingErrors | None]) -> None:
+def test_a_session_without_errors_has_none(errors_of: Callable[..., SessionChanges | None]) -> None:
     assert errors_of() is None
     assert errors_of("swivel-friction:c=0.01") is None
 
 
-def test_what_is_the_same_in_all_windows_is_geometry(errors_of: Callable[..., ReadingErrors | None]) -> None:
+def test_what_is_the_same_in_all_windows_is_geometry(errors_of: Callable[..., SessionChanges | None]) -> None:
     assert errors_of("cable-length-bias:cable=1,bias=-0.007") is None
 
 
@@ -85,7 +147,7 @@ def test_a_pose_that_noise_puts_far_away_is_no_hand(irma4: Robot) -> None:
 
 def test_readings_that_are_put_right_have_no_errors(baseline_of: Callable[..., Baseline]) -> None:
     base = baseline_of("length-step:by=0.0004,cable=2,at=170", seed=SEED, windows=WINDOWS, seconds=SECONDS)
-    found = reading_errors(base.fit, base.campaign, SHARED.enough)
+    found = session_changes(base.fit, base.campaign, SHARED.enough)
     assert found is not None
     right = found.put_right(base.campaign)
     step = found.found[0].kind.first
@@ -140,12 +202,12 @@ def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: R
     cables = tuple(replace(cable, d=cable.d + 5e-4 * off.standard_normal(3)) for cable in irma4.cables)
     wrong = replace(campaign, robot=replace(irma4, cables=cables))
     exact = fit_baseline(wrong, native=True, say=lambda _: None)
-    assert reading_errors(exact.fit, wrong, SHARED.enough) is not None
+    assert session_changes(exact.fit, wrong, SHARED.enough) is not None
     geometry_open = opened(exact, 1.0, lambda _: None)
-    assert reading_errors(geometry_open.fit, wrong, SHARED.enough) is None
+    assert session_changes(geometry_open.fit, wrong, SHARED.enough) is None
     rounds = Rounds(exact.short.likelihood.mechanism, lambda _: None, Budget())
     reached = rounds.reached(clean(wrong))
-    assert reached.errors is None
+    assert reached.changes is None
     assert reached.last.baseline.geometry
 
 

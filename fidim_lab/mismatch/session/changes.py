@@ -1,4 +1,4 @@
-"""Which errors the readings have, chosen by evidence: the most evident first, then others beside it.
+"""What differs from window to window, chosen by evidence: the most evident kind first, then others beside it.
 
 Beforehand every size between a fraction of a count and centimetres is as likely (in its logarithm), and so is
 every cable and window that can be picked: evidence is averaged over them. θ is normal and the fit is linearised.
@@ -11,47 +11,59 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
 
-from fidim_lab.data.records import Campaign, Window
+from fidim_lab.data.records import Body, Campaign, Window
 from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.readings.influence import AXES, Influence, influence
-from fidim_lab.mismatch.readings.kinds import CONSTANT, ReadingKind, reading_kinds
+from fidim_lab.mismatch.session.influence import AXES, Influence, influence
+from fidim_lab.mismatch.session.kinds import CONSTANT, SessionKind, session_kinds
+from fidim_lab.mismatch.session.load import PointLoad, changed, load_of
 from fidim_lab.mismatch.thresholds import SHARED
+from fidim_lab.model.sensitivity.equations import BODY
 
 SMALLEST = 0.5
-"""of an encoder's resolution: the smallest error of readings that is asked for"""
+"""of an encoder's resolution: the smallest difference that is asked for"""
 LARGEST = 0.02
-"""m: larger errors are mistakes of the robot file or of the recording, which other checks name"""
+"""m: larger differences are mistakes of the robot file or of the recording, which other checks name"""
+SETTLED = 0.1
+"""standard deviations by which a θ still moves when the body is not worth another fit"""
 SIZES = 25
 """between them, over which evidence is averaged: steps of a third where they span three decades"""
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingError:
-    """One kind of error with its size."""
+class SessionChange:
+    """One kind of difference with its size."""
 
-    kind: ReadingKind
+    kind: SessionKind
     nats: float
     """over the readings without it"""
     size: float
     """m, standard deviation of θ: of a scatter what there is to tell"""
-    rivals: tuple[ReadingKind, ...] = ()
+    rivals: tuple[SessionKind, ...] = ()
     """others that odds of 20 do not exclude, the most evident first"""
     theta: Float[np.ndarray, " p"] = field(default_factory=lambda: np.zeros(0))
     """m; not of a scatter"""
-    sd: Float[np.ndarray, " p"] = field(default_factory=lambda: np.zeros(0))
+    covariance: Float[np.ndarray, "p p"] = field(default_factory=lambda: np.zeros((0, 0)))
+    """m²"""
+
+    @property
+    def sd(self) -> Float[np.ndarray, " p"]:
+        """m"""
+        return np.sqrt(np.diag(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingErrors:
-    """All errors found in one campaign."""
+class SessionChanges:
+    """All that was found in one campaign."""
 
-    found: tuple[ReadingError, ...]
+    found: tuple[SessionChange, ...]
     order: tuple[str, ...]
     """ids of all windows as they were recorded"""
     temper: float
-    """χ²/dof that the errors leave, at least 1"""
+    """χ²/dof that these leave, at least 1"""
+    body: Body
+    """of the first window, where it is not the same in all"""
 
     @property
     def nats(self) -> float:
@@ -63,15 +75,53 @@ class ReadingErrors:
         """Ids of all kinds."""
         return frozenset(one.kind.id for one in self.found)
 
+    def load(self, one: SessionChange) -> PointLoad | None:
+        """What changes the body so where it does in full; None where no load at one place does."""
+        by = one.kind.chosen[-BODY:]
+        return load_of(self.body, by @ one.theta, by @ one.covariance @ by.T)
+
+    @property
+    def moves_body(self) -> bool:
+        """Whether the body is not the same in all windows."""
+        return any(one.kind.is_body for one in self.found)
+
+    def sharpened(self, found: Fit) -> tuple["SessionChanges", float]:
+        """Estimated again at a fit of the campaign that these have put right, and by how many sd they moved at most.
+
+        A body acts on a motion of many swings by more than to first order.
+        """
+        seen = influence(found)
+        temper = seen.temper(np.zeros(len(seen.gradient)))
+        steady = [one for one in self.found if not one.kind.is_scatter]
+        design = np.hstack([one.kind.design(seen, self.order) for one in steady])
+        before = np.concatenate([one.theta for one in steady])
+        prior = np.concatenate([np.full(len(one.theta), 1 / one.size**2) for one in steady])
+        inner = np.diag(prior) + design.T @ seen.information @ design / temper
+        step = np.linalg.solve(inner, design.T @ seen.gradient / temper - prior * before)
+        covariance = np.linalg.inv(inner)
+        ends = np.cumsum([len(one.theta) for one in steady])
+        places = {id(one): slice(end - len(one.theta), end) for one, end in zip(steady, ends, strict=True)}
+        told = tuple(
+            replace(one, theta=(before + step)[at], covariance=covariance[at, at])
+            if (at := places.get(id(one))) is not None
+            else one
+            for one in self.found
+        )
+        body = Body.from_vector(found.values[:BODY])
+        return replace(self, found=told, temper=temper, body=body), float(
+            np.abs(step / np.sqrt(np.diag(covariance))).max()
+        )
+
     def put_right(self, campaign: Campaign) -> Campaign:
-        """The campaign as its sensors should have read it, and with the noise that they have.
+        """The campaign as its sensors should have read it, with the noise that they have and the body of each window.
 
         A cable whose own encoder scatters counts as one without an encoder.
         """
         robot, windows = campaign.robot, campaign.windows
         for one in self.found:
             if not one.kind.is_scatter:
-                windows = tuple(_without(window, one, self.order) for window in windows)
+                load = self.load(one) if one.kind.is_body else None
+                windows = tuple(self._put_right(window, one, load) for window in windows)
             elif one.kind.cable is not None:
                 windows = tuple(_without_encoder(window, one.kind.cable) for window in windows)
             else:
@@ -79,39 +129,52 @@ class ReadingErrors:
                 robot = replace(robot, sensors=replace(robot.sensors, encoder_resolution=resolution))
         return replace(campaign, robot=robot, windows=windows)
 
+    def _put_right(self, window: Window, one: SessionChange, load: PointLoad | None) -> Window:
+        """A window less the error that its readings have, or with the body that it has: a load's, where it is one."""
+        share = one.kind.share(window.id, self.order)
+        lengths, shift, body = np.split(share * one.kind.chosen @ one.theta, [-AXES - BODY, -BODY])
+        if not one.kind.is_body:
+            read = None if window.lengths is None else window.lengths - lengths
+            return replace(window, markers=window.markers - shift, lengths=read)
+        if load is not None:  # less of a load does not change the body in proportion
+            part, whole = (changed(self.body, of * load.share, load.at) for of in (share, 1.0))
+            body += part - share * whole
+        return replace(window, body_change=body if window.body_change is None else window.body_change + body)
 
-def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErrors | None:
-    """The errors of a campaign's readings, estimated after a fit; None without any.
 
-    enough: nats of evidence that each kind needs. Noise counts as large as what the errors themselves leave.
+def session_changes(found: Fit, campaign: Campaign, enough: float) -> SessionChanges | None:
+    """What differs between a campaign's windows, estimated after a fit; None where nothing does.
+
+    enough: nats of evidence that each kind needs. Noise counts as large as what the differences themselves leave.
     """
     order = tuple(dict.fromkeys(whole_id(window.id) for window in campaign.windows))
     seen = influence(found)
     smallest = SMALLEST * found.likelihood.resolution
     sizes = np.geomspace(smallest, max(LARGEST, 2 * smallest), SIZES)
-    search = _Search(seen, order, reading_kinds(seen.cables, order), sizes)
+    arm = float(np.sqrt(found.values[AXES : 2 * AXES].sum() / 2))  # I/m about P: the sum of all r² counts twice
+    search = _Search(seen, order, session_kinds(seen.cables, order, arm), sizes)
     temper = seen.temper(np.zeros(len(seen.gradient)))
-    chosen: tuple[ReadingError, ...] = ()
+    chosen: tuple[SessionChange, ...] = ()
     for _ in range(SHARED.rounds):
         chosen = search.chosen(temper, enough)
         temper = seen.temper(search.likeliest(chosen, temper))
-    errors = tuple(one for one in search.sized(chosen, temper) if one.kind.id != CONSTANT)
-    return ReadingErrors(errors, order, temper) if errors else None
+    differences = tuple(one for one in search.sized(chosen, temper) if one.kind.id != CONSTANT)
+    return SessionChanges(differences, order, temper, Body.from_vector(found.values[:BODY])) if differences else None
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """All kinds of errors of one campaign, weighed against each other."""
+    """All kinds of differences of one campaign, weighed against each other."""
 
     seen: Influence
     order: tuple[str, ...]
     """ids of all windows as they were recorded"""
-    groups: tuple[tuple[ReadingKind, ...], ...]
+    groups: tuple[tuple[SessionKind, ...], ...]
     sizes: Float[np.ndarray, " sizes"]
 
-    def chosen(self, temper: float, enough: float) -> tuple[ReadingError, ...]:
+    def chosen(self, temper: float, enough: float) -> tuple[SessionChange, ...]:
         """One kind after the other, as long as each is evident enough beside those before."""
-        chosen: tuple[ReadingError, ...] = ()
+        chosen: tuple[SessionChange, ...] = ()
         while len(chosen) < SHARED.most_terms:
             weighed = self._weighed(chosen, temper)
             best = weighed[0]
@@ -121,8 +184,8 @@ class _Search:
             chosen = (*chosen, replace(best, rivals=near))
         return chosen
 
-    def likeliest(self, chosen: Sequence[ReadingError], temper: float) -> Float[np.ndarray, " z"]:
-        """The errors z of all readings, by these kinds."""
+    def likeliest(self, chosen: Sequence[SessionChange], temper: float) -> Float[np.ndarray, " z"]:
+        """z of all windows, by these kinds."""
         if not chosen:
             return np.zeros(len(self.seen.gradient))
         designs = [one.size * one.kind.design(self.seen, self.order) for one in chosen]
@@ -130,9 +193,9 @@ class _Search:
         inner = temper * np.eye(design.shape[1]) + design.T @ self.seen.information @ design
         return design @ np.linalg.solve(inner, design.T @ self.seen.gradient)
 
-    def sized(self, chosen: Sequence[ReadingError], temper: float) -> tuple[ReadingError, ...]:
+    def sized(self, chosen: Sequence[SessionChange], temper: float) -> tuple[SessionChange, ...]:
         """With the θ of each beside the others."""
-        told: list[ReadingError] = []
+        told: list[SessionChange] = []
         for one in chosen:
             if one.kind.is_scatter:
                 told.append(one)
@@ -141,23 +204,23 @@ class _Search:
             design = one.kind.design(self.seen, self.order)
             inner = np.eye(design.shape[1]) / one.size**2 + design.T @ information @ design
             theta = np.linalg.solve(inner, design.T @ gradient)
-            told.append(replace(one, theta=theta, sd=np.sqrt(np.diag(np.linalg.inv(inner)))))
+            told.append(replace(one, theta=theta, covariance=np.linalg.inv(inner)))
         return tuple(told)
 
-    def _weighed(self, chosen: Sequence[ReadingError], temper: float) -> list[ReadingError]:
+    def _weighed(self, chosen: Sequence[SessionChange], temper: float) -> list[SessionChange]:
         """The best of each group beside what was chosen, with the group's evidence, the most evident first."""
         information, gradient = self._given(chosen, temper)
-        found: list[ReadingError] = []
+        found: list[SessionChange] = []
         for group in self.groups:
             designs = (one.design(self.seen, self.order) for one in group)
             nats = np.array([_nats(design, information, gradient, self.sizes) for design in designs])
             k, at = np.unravel_index(int(np.argmax(nats)), nats.shape)
             whole = float(logsumexp(nats)) - float(np.log(nats.size))
-            found.append(ReadingError(group[int(k)], whole, float(self.sizes[at])))
+            found.append(SessionChange(group[int(k)], whole, float(self.sizes[at])))
         return sorted(found, key=lambda one: -one.nats)
 
     def _given(
-        self, chosen: Sequence[ReadingError], temper: float
+        self, chosen: Sequence[SessionChange], temper: float
     ) -> tuple[Float[np.ndarray, "z z"], Float[np.ndarray, " z"]]:
         """Information and gradient by z, over the noise, what was chosen being free under its own prior."""
         information, gradient = self.seen.information / temper, self.seen.gradient / temper
@@ -177,14 +240,6 @@ def _nats(design: np.ndarray, information: np.ndarray, gradient: np.ndarray, siz
     wide = sizes[:, np.newaxis] ** 2
     growth = 1.0 + wide * np.maximum(values, 0.0)
     return 0.5 * (wide * along**2 / growth - np.log(growth)).sum(axis=1)
-
-
-def _without(window: Window, error: ReadingError, order: Sequence[str]) -> Window:
-    """A window less the error that its readings have."""
-    off = error.kind.of_window[order.index(whole_id(window.id))] @ error.theta
-    lengths, shift = off[:-AXES], off[-AXES:]
-    read = None if window.lengths is None else window.lengths - lengths
-    return replace(window, markers=window.markers - shift, lengths=read)
 
 
 def _without_encoder(window: Window, cable: int) -> Window:
