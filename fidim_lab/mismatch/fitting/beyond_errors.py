@@ -15,7 +15,7 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import HeldOutPrediction
 from fidim_lab.identification.mle.spread import Quadratic
 from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear, linearised
-from fidim_lab.identification.mle.trajectories.normal import reduced
+from fidim_lab.identification.mle.trajectories.normal import compressed, reduced
 
 
 def beyond_errors(
@@ -28,7 +28,7 @@ def beyond_errors(
     journeys = {id(one.journey): one for one in predicted}
     all_linear = {key: linearised(one.likelihood, one.journey.optimum.simulation) for key, one in journeys.items()}
     linear = [all_linear[id(one.journey)][one.place] for one in predicted]
-    tables = np.stack([one.journey.optimum.tables[one.place] for one in predicted])
+    tables = np.stack([compressed(window) for window in linear])
     held = Quadratic.of(reduced(tables, found.likelihood.own), np.zeros((0, len(found.values) + 1)))
     both = Quadratic(found.quadratic.information + held.information, held.gradient)
     step = both.step(free, np.zeros(len(found.values)))
