@@ -9,7 +9,7 @@ from rich.table import Table
 
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.explanation_file import ExplanationTable
-from fidim_lab.app.report.contents.found_model import Found, found_model, read_found
+from fidim_lab.app.report.contents.found_model import Found, found_model, read_found, with_own_bodies
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
@@ -85,7 +85,7 @@ def run_validate(
     recipe = PAPER if paper else BEST
     model = found_model(given, campaign.robot, native=True)
     return cross_validate(
-        campaign,
+        with_own_bodies(given, campaign),
         model.body,
         sigma_of(given),
         roles=roles,

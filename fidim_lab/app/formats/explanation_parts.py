@@ -21,6 +21,8 @@ class EffectTable(ExplanationPart):
     equivalent_to: tuple[str, ...] = ()
     """at most three"""
     further_equivalent: tuple[str, ...] = ()
+    windows: dict[str, float] = {}
+    """of what differs between windows: times which each, by its id, has the parameters"""
 
     @property
     def alike(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """The result of `explain`, and its file "fidim-explanation/1" (spec/formats.md)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,8 @@ class NamedCause:
     """those of `equivalent_to` whose size is known, the most alike first"""
     single: bool = False
     """odds over 20 against every rival, general geometry among them"""
+    windows: dict[str, float] = field(default_factory=dict[str, float])
+    """of what differs between windows: times which each, by its id, has the parameters"""
 
     @property
     def weights(self) -> tuple[float, ...]:
@@ -183,6 +185,7 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
         "parameters": cause.parameters,
         "says": cause.says,
         "single": cause.single,
+        "windows": cause.windows,
         "weight": cause.weights[0],
         "members": [
             {**vars(one), "weight": weight} for one, weight in zip(cause.members, cause.weights[1:], strict=True)

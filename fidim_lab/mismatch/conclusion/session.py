@@ -22,6 +22,7 @@ from fidim_lab.mismatch.session.kinds import (
     CAMERA_STEP,
     CONSTANT,
     DRIFT,
+    PHYSICS,
     SAYS,
     SCATTER,
     STEP,
@@ -55,9 +56,17 @@ def with_session(told: Explanation, changes: SessionChanges | None, cleaned: Cle
     sensors = cleaned.campaign.robot.sensors
     readings = tuple(_reading(one, changes) for one in changes.found)
     physics = tuple(
-        NamedCause(one.id, one.cable, one.equivalent_to, one.parameters, SAYS[one.id], single=not found.rivals)
+        NamedCause(
+            one.id,
+            one.cable,
+            one.equivalent_to,
+            one.parameters,
+            SAYS[one.id],
+            single=not found.rivals,
+            windows=dict(zip(changes.order, found.kind.course.tolist(), strict=True)),
+        )
         for found, one in zip(changes.found, readings, strict=True)
-        if found.kind.is_body or one.id == DRIFT
+        if one.id in PHYSICS
     )
     verdict = told.verdict
     if verdict is Verdict.NOTHING_MISSING:

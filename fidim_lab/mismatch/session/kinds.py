@@ -24,6 +24,9 @@ BODY_DRIFT = "body-drift"
 BODY_STEP = "body-step"
 BODY_ONCE = "body-once"
 CONSTANT = "constant"
+OF_BODY = (BODY_DRIFT, BODY_STEP, BODY_ONCE)
+PHYSICS = (DRIFT, *OF_BODY)
+"""named as effects, though they belong to one session: no model of another has them"""
 SAYS = {
     DRIFT: "Lengths drift over the session (cables that grow, or encoders that lose their zero)",
     STEP: "Lengths jump between two windows (a slip on the drum, or a zero that was set again)",
@@ -57,7 +60,7 @@ class SessionKind:
     @property
     def is_body(self) -> bool:
         """Whether it is the body that differs, and not what is read of it."""
-        return self.id in (BODY_DRIFT, BODY_STEP, BODY_ONCE)
+        return self.id in OF_BODY
 
     @property
     def is_scatter(self) -> bool:

@@ -1,6 +1,6 @@
 """The model that identify or explain tells: the body, effects that were named, the geometry found with them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +8,14 @@ import numpy as np
 from fidim_lab.app.formats.explanation_file import BodyParameterTable, ExplanationTable, read_explanation
 from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.data.files.input_file import read_json
-from fidim_lab.data.records import PARAMETER_NAMES, Body, Robot
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import HandContact, NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 from fidim_lab.identification.survey import as_found, opened_by
+from fidim_lab.mismatch.session.kinds import OF_BODY, PHYSICS
 from fidim_lab.model.mechanism import Mechanism
 
 Found = IdentificationResult | ResultTable | ExplanationTable
@@ -54,10 +55,23 @@ def found_model(told: Found, robot: Robot, *, native: bool = False) -> Model:
     return Model(made, np.concatenate([model.body.vector, made.theta]))
 
 
+def with_own_bodies(told: Found, campaign: Campaign) -> Campaign:
+    """The campaign of which an explanation tells, each window with the body that it found there; others as they are."""
+    if not isinstance(told, ExplanationTable) or told.campaign != campaign.name:
+        return campaign
+    windows = campaign.windows
+    for effect in told.effects:
+        if effect.id in OF_BODY:
+            whole = np.array([effect.parameters[name].value or 0.0 for name in PARAMETER_NAMES])
+            windows = tuple(replace(w, body_change=effect.windows.get(w.id, 0.0) * whole) for w in windows)
+    return replace(campaign, windows=windows)
+
+
 def _with_effects(found: ExplanationTable, robot: Robot, *, native: bool = False) -> Model:
     """The robot file's geometry with what was named. Raises SetupError for an unknown effect."""
-    # a hand is no wrench: the fit leaves its times out
-    simulated = [(effect, named_effect(effect, robot)) for effect in found.effects if effect.id != HandContact.id]
+    # a hand is no wrench: the fit leaves its times out; what changed over a session belongs to that one alone
+    lasting = [effect for effect in found.effects if effect.id not in (HandContact.id, *PHYSICS)]
+    simulated = [(effect, named_effect(effect, robot)) for effect in lasting]
     # a geometry that is off is named by the piece that is off most, which is among those that come behind the effects
     counted = {one.effect for one in opened_by(robot, _pieces(found))}
     kept = [(told, effect) for told, effect in simulated if effect not in counted]

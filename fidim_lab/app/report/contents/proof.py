@@ -7,7 +7,7 @@ what it claims. Each window's own initial state is fitted, nothing else.
 from dataclasses import dataclass
 
 from fidim_lab.app.formats.explanation_file import ExplanationTable
-from fidim_lab.app.report.contents.found_model import Model, body_vector, found_model
+from fidim_lab.app.report.contents.found_model import Model, body_vector, found_model, with_own_bodies
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.effects.effect import HandContact
 from fidim_lab.errors import RefusedError, SetupError
@@ -47,12 +47,15 @@ def proof(found: ExplanationTable, campaign: Campaign, unknown: UnknownForce | N
     after = _completed(found, campaign, unknown, notes)
     touched = [name for effect in found.effects if effect.id == HandContact.id for name in effect.parameters]
     candidates = campaign.of_role(Role.VALIDATE) or campaign.of_role(Role.IDENTIFY)
+    own = {window.id: window for window in with_own_bodies(found, campaign).windows}
     windows = [w for w in candidates if not any(name.startswith(f"{w.id} ") for name in touched)]
     compared: list[ComparedWindow] = []
     for window in windows[:MOST]:
         first = _predicted(before, window, notes)
         if first is not None:
-            compared.append(ComparedWindow(window, first, None if after is None else _predicted(after, window, notes)))
+            compared.append(
+                ComparedWindow(window, first, None if after is None else _predicted(after, own[window.id], notes))
+            )
     if len(windows) > MOST:
         notes.append(
             f"Pictures show the first {MOST} of {len(windows)} held-out windows; the numbers are for all of them."

@@ -60,3 +60,24 @@ def test_unknown_physics_predicts_nothing(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "unknown.json").write_text(json.dumps({**told, "verdict": "unknown-physics", "effects": []}))
     assert _validate(tmp_path, tmp_path / "unknown.json") == 2
     assert "names no physics" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_load_put_on_in_the_session_is_named_and_its_windows_are_predicted_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The body told is that of the first windows: another campaign has it, this one its own in each window."""
+    campaign, file = tmp_path / "loaded", tmp_path / "explanation.json"
+    hidden = ["--hide", "body-step:m=0.15,at=230", "--equilibria", "6", "--validate", "3"]
+    assert run(["simulate", "--robot", "irma4", "--out", str(campaign), *hidden]) == 0
+    assert run(["explain", str(campaign), "--json", str(file), "--report", str(tmp_path / "report.html")]) == 0
+    told = json.loads(file.read_text())
+    (step,) = told["effects"]
+    assert (told["verdict"], step["id"], step["single"]) == ("explained", "body-step", True)
+    order = [window.id for window in read_campaign(campaign).windows]
+    assert step["windows"] == {id: float(k >= 4) for k, id in enumerate(order)}
+    assert told["held_out"]["rms_mm"]["after"] < 0.11 < told["held_out"]["rms_mm"]["before"]
+    assert "as a load of" in " ".join(capsys.readouterr().out.split())
+    assert run(["validate", str(campaign), "--all", "--parameters", str(file)]) == 0
+    truth = json.loads((campaign / "truth.json").read_text())
+    s_z = told["parameters"]["s_z"]
+    assert abs(s_z["value"] - truth["s"][2]) < 4 * s_z["sd"]

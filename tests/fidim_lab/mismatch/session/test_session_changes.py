@@ -21,7 +21,6 @@ from fidim_lab.mismatch.selection.general_geometry import opened
 from fidim_lab.mismatch.session.changes import SETTLED, SessionChanges, session_changes
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
-from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import BETWEEN, Sampling, simulate_campaign
@@ -105,20 +104,6 @@ def test_a_window_with_a_body_of_its_own_moves_as_if_all_had_it(baseline_of: Cal
     moved = fit(mechanism, [replace(window, body_change=change) for window in windows])
     np.testing.assert_allclose((plain.values - change - moved.values) / plain.sd, 0.0, atol=1e-3)
     assert moved.excess == pytest.approx(plain.excess, rel=1e-6)
-
-
-def test_explain_names_a_load_and_predicts_with_it(irma4: Robot) -> None:
-    hidden = (parse_effect("body-step:m=0.1,at=230", irma4.n),)
-    plan, world = random_plan(irma4, "load", 6, 3, SEED), make_world(irma4, np.random.default_rng(SEED), hidden)
-    campaign, truth = simulate_campaign(irma4, plan, world, np.random.default_rng(4), recording=Sampling(SECONDS))
-    found = explain(campaign)
-    assert found.verdict is Verdict.EXPLAINED
-    assert [(one.id, one.single) for one in found.effects] == [("body-step", True)]
-    assert found.rms_mm.after is not None
-    assert found.rms_mm.after < 0.11
-    assert "as a load of" in found.message
-    s_z = found.parameters["s_z"]
-    assert abs(s_z.value - np.array(truth["s"])[2]) < 4 * s_z.sd
 
 
 def test_drums_that_are_eccentric_scatter(errors_of: Callable[..., SessionChanges | None]) -> None:
