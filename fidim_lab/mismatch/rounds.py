@@ -5,7 +5,7 @@ model shows is cut out, clocks that run apart are put right, readings that are o
 robot file gets wrong is opened. Each time the new round is kept only where it explains as much by no more effects.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from fidim_lab.data.records import Campaign, Robot
@@ -112,14 +112,17 @@ class Rounds:
         changes = session_changes(recorded.fit, recorded.campaign, SHARED.enough)
         if changes is None or _effects_say_more(seen, changes):
             return None
+        beside: SessionChanges | None = None
         if not recorded.geometry:
             beside = session_changes(look.opened.fit, recorded.campaign, SHARED.enough)
             if beside is None or _effects_say_more(FirstLook(look.opened, self.say).seen, beside):
                 return None
             changes = changes if changes.kinds <= beside.kinds else beside
-        right = self._put_right(cleaned, changes)
+        right = self._sharpened(cleaned, self._put_right(cleaned, changes), lambda look: look.exact)
         if seen is None:
             return right
+        if changes.moves_body and beside is not None and right.look.seen is not None:  # a wrong geometry bends it
+            right = self._sharpened(cleaned, self._put_right(cleaned, beside), lambda look: look.opened)
         before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.look.exact))
         if not (after.is_white or recorded.geometry):  # what an open geometry takes as well is not theirs
             before, after = (candidate(one.as_it_is, one.predicted) for one in (look.opened, right.look.opened))
@@ -142,14 +145,16 @@ class Rounds:
         self.say(f"{what} not the same in all windows: fitting with that corrected")
         right = changes.put_right(cleaned.campaign)
         rounds = self.of_robot(right.robot)
-        fitted = rounds.fitted(right)
-        for _ in range(SHARED.rounds if changes.moves_body else 0):
-            sharper, moved = changes.sharpened(fitted.fit)
+        return _Right(rounds, replace(cleaned, campaign=right), FirstLook(rounds.fitted(right), self.say), changes)
+
+    def _sharpened(self, cleaned: Cleaned, right: "_Right", fitted: Callable[[FirstLook], Baseline]) -> "_Right":
+        """The same with the body estimated again at its own fits; fitted: which of these, of the look at each."""
+        for _ in range(SHARED.rounds if right.changes.moves_body else 0):
+            sharper, moved = right.changes.sharpened(fitted(right.look).fit)
             if moved < SETTLED:
                 break
-            changes, right = sharper, sharper.put_right(cleaned.campaign)
-            fitted = rounds.fitted(right)
-        return _Right(rounds, replace(cleaned, campaign=right), FirstLook(fitted, self.say), changes)
+            right = self._put_right(cleaned, sharper)
+        return right
 
     def of_robot(self, robot: Robot) -> "Rounds":
         """The same of a robot whose sensors have another noise."""

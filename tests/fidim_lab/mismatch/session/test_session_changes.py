@@ -208,3 +208,15 @@ def test_an_effect_beside_a_wrong_geometry_is_no_fault_of_the_readings(hidden: s
     found = explain(sealed_campaign(recipe)[0])
     assert [one.id for one in found.effects] == [hidden.split(":")[0]], found.message
     assert not found.readings
+
+
+@pytest.mark.slow
+def test_a_load_beside_a_wrong_geometry_is_told_with_both() -> None:
+    """Estimated with the robot file's geometry alone the body takes up a part of what that gets wrong."""
+    robot = read_robot(PAPERS_ROBOT)
+    recipe = SealedRecipe("load", robot, ("body-step:m=0.15,at=330",), NATIVE, (8, 4), 100.0, True, 305, survey=9e-4)
+    found = explain(sealed_campaign(recipe)[0])
+    assert found.verdict is Verdict.EXPLAINED
+    assert [one.id for one in found.effects] == ["body-step"], found.message
+    assert found.geometry is not None
+    assert found.effects[0].parameters["s_x"].value == pytest.approx(6.4e-4, abs=6e-5)
