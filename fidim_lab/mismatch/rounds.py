@@ -93,7 +93,7 @@ class Rounds:
         look = FirstLook(recorded, self.say)
         right = self._instead_of_effects(cleaned, look)
         if right is not None:
-            return right.searched(recorded)
+            return self._beside_what_was_found(cleaned, right, recorded)
         found = self.searched(cleaned, recorded, look)
         changes = self._beside_effects(found)
         if changes is None:
@@ -129,6 +129,18 @@ class Rounds:
         takes = after.is_white or after.whiteness.excess < SHARED.half * before.whiteness.excess
         return right if takes and improves(after, before, feeble=True) else None
 
+    def _beside_what_was_found(self, cleaned: Cleaned, right: "_Right", recorded: Baseline) -> Reached:
+        """Where the search ends, with the body estimated again beside the effects that it found."""
+        found = right.searched(recorded)
+        best = found.last.found.best.model
+        if not (right.changes.moves_body and best.tried):
+            return found
+        sharper, moved = right.changes.sharpened(best.fit)
+        if moved < SETTLED:
+            return found
+        again = self._put_right(cleaned, sharper).searched(recorded)
+        return again if again.last.unexplained <= found.last.unexplained else found
+
     def _beside_effects(self, found: Reached) -> SessionChanges | None:
         """What the readings are off by beside effects that leave only noise of the markers."""
         best, last = found.last.found.best, found.last
@@ -148,12 +160,19 @@ class Rounds:
         return _Right(rounds, replace(cleaned, campaign=right), FirstLook(rounds.fitted(right), self.say), changes)
 
     def _sharpened(self, cleaned: Cleaned, right: "_Right", fitted: Callable[[FirstLook], Baseline]) -> "_Right":
-        """The same with the body estimated again at its own fits; fitted: which of these, of the look at each."""
+        """The same with the body estimated again at its own fits; fitted: which of these, of the look at each.
+
+        Where another effect is missing, too, that may lead away: what follows the motion less well is not taken.
+        """
         for _ in range(SHARED.rounds if right.changes.moves_body else 0):
-            sharper, moved = right.changes.sharpened(fitted(right.look).fit)
+            before = fitted(right.look)
+            sharper, moved = right.changes.sharpened(before.fit)
             if moved < SETTLED:
                 break
-            right = self._put_right(cleaned, sharper)
+            again = self._put_right(cleaned, sharper)
+            if fitted(again.look).short.excess > before.short.excess:
+                break
+            right = again
         return right
 
     def of_robot(self, robot: Robot) -> "Rounds":
