@@ -76,7 +76,7 @@ def with_session(told: Explanation, changes: SessionChanges | None, cleaned: Cle
         said.append(f"The robot file states {millimetres(sensors.encoder_resolution):.2g} mm for lengths.")
         said.append("The fit uses corrected values.")
     if changes.moves_body:
-        said.append("The fit has the body of each window; its parameters are those of the first one.")
+        said.append("The fit has the body of each window; its parameters are those without the change.")
     message = f"{' '.join(said)} {told.message.replace('Nothing is missing:', 'Nothing else is missing:', 1)}"
     told = replace(told, verdict=verdict, effects=(*told.effects, *physics), readings=readings, message=message)
     return _with_noise(told, cleaned)

@@ -63,7 +63,7 @@ class SessionChanges:
     temper: float
     """χ²/dof that these leave, at least 1"""
     body: Body
-    """of the first window, where it is not the same in all"""
+    """without the changes, where it is not the same in all windows"""
 
     @property
     def nats(self) -> float:

@@ -65,7 +65,7 @@ def test_unknown_physics_predicts_nothing(tmp_path: Path, capsys: pytest.Capture
 def test_a_load_put_on_in_the_session_is_named_and_its_windows_are_predicted_with_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The body told is that of the first windows: another campaign has it, this one its own in each window."""
+    """The body told is that without the load: another campaign has it, this one its own in each window."""
     campaign, file = tmp_path / "loaded", tmp_path / "explanation.json"
     hidden = ["--hide", "body-step:m=0.15,at=230", "--equilibria", "6", "--validate", "3"]
     assert run(["simulate", "--robot", "irma4", "--out", str(campaign), *hidden]) == 0
