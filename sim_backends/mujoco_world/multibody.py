@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.records import Cable, Pose
+from sim_backends.plant.mechanics import loads_in, mass_of
 from sim_backends.plant.world import World
 
 STEP = 5e-4
@@ -22,8 +23,6 @@ BEFORE_ENTRY = 1e-3
 """m of each cable before its entry point D"""
 SIDE_ANGLE = 1.9
 """rad along the wrap, where the side site stands"""
-HOUR = 3600.0
-"""s"""
 GUIDE = 0.05
 """m from the swivel axis to where a guide begins"""
 STIFF = 'solref="0.0007 0.7" solimp="0.9999 0.99999 0.001"'
@@ -100,9 +99,8 @@ def _guides(number: int) -> str:
 def _inertial(world: World, t: float) -> str:
     """The platform with its loads at t."""
     parts = [(world.mass, world.body.com, world.mass * world.body.inertia_about_com)]
-    for load in world.effects("body-step", "body-drift"):
-        put_on = load["m"] * (t >= load["at"]) if load.id == "body-step" else load["rate"] * t / HOUR
-        parts.append((put_on, load.vector("x", "y", "z"), np.zeros((3, 3))))
+    for load in loads_in(world):
+        parts.append((float(mass_of(load, t)), load.vector("x", "y", "z"), np.zeros((3, 3))))
     mass = sum(part for part, _, _ in parts)
     com = sum(part * at for part, at, _ in parts) / mass
     inertia = np.zeros((3, 3))

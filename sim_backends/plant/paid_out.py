@@ -32,18 +32,14 @@ class PaidOut:
         for effect in world.effects("length-drift"):
             self._rate += [effect["rate"] / HOUR * effect.concerns(i) for i in range(world.n)]
         self._slips, self._wheels = world.effects("length-step"), world.effects("length-scatter")
-        self._t = 0.0
+        self.t = 0.0
+        """s of the session"""
         self._crept = np.zeros(world.n)
         self._held = np.ones(world.n, dtype=bool)
 
-    @property
-    def t(self) -> float:
-        """s of the session"""
-        return self._t
-
     def restart(self, t: float) -> None:
         """Every cable is held from now (s of the session) on, and has not crept yet."""
-        self._t = t
+        self.t = t
         self._crept[:], self._held[:] = 0.0, True
 
     def pass_time(self, dt: float, rates: PerCable) -> None:
@@ -51,7 +47,7 @@ class PaidOut:
 
         rates: of the drums, m/s.
         """
-        self._t += dt
+        self.t += dt
         self._held = np.abs(rates) < MOVING
         towards = np.where(self._held, self._final, 0.0)
         self._crept += (towards - self._crept) * -np.expm1(-dt * self._decay)
@@ -80,9 +76,9 @@ class PaidOut:
     @property
     def _unseen(self) -> PerCable:
         """True less paid out, m, wherever the drums stand."""
-        off = self._crept - self._bias + self._rate * self._t
+        off = self._crept - self._bias + self._rate * self.t
         for slip in self._slips:
-            off = off + [slip["by"] * slip.concerns(i) * (self._t >= slip["at"]) for i in range(len(off))]
+            off = off + [slip["by"] * slip.concerns(i) * (self.t >= slip["at"]) for i in range(len(off))]
         return off
 
     def _off(self, wheel: HiddenEffect, drums: PerCable) -> tuple[PerCable, PerCable, PerCable]:

@@ -59,6 +59,5 @@ def load_of(body: Body, change: Float[np.ndarray, "9"], covariance: Float[np.nda
 
 def changed(body: Body, share: float, at: Float[np.ndarray, "3"]) -> Float[np.ndarray, "9"]:
     """What a load adds to `Body.vector`."""
-    of_point = (at @ at) * np.eye(3) - np.outer(at, at)
-    after = body.vector + share * np.concatenate([at, of_point[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
-    return after / (1 + share) - body.vector
+    point = Body.from_about_com(at, np.zeros((3, 3)))
+    return (body.vector + share * point.vector) / (1 + share) - body.vector

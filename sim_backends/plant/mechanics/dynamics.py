@@ -26,7 +26,7 @@ from sim_backends.plant.mechanics.kinematics import (
     stalks,
     sticking,
 )
-from sim_backends.plant.mechanics.loads import loaded, loads, loads_of
+from sim_backends.plant.mechanics.loads import loaded, loads_in, loads_of
 from sim_backends.plant.mechanics.posts import on_bent_posts, soft_posts
 from sim_backends.plant.mechanics.pulley import Tangent, tangent
 from sim_backends.plant.mechanics.terms import (
@@ -283,7 +283,7 @@ def mass_and_force(body: Platform) -> tuple[ca.SX, ca.SX]:
 
 def inverse_of(world: World, mass: ca.SX) -> ca.SX:
     """M⁻¹; without attached inertia and loads M is constant and its inverse a number."""
-    if needs_attached(world) or loads(world):
+    if needs_attached(world) or loads_in(world):
         return solve_spd(mass, ca.SX.eye(6))
     inertia = world.mass * world.body.inertia_about_com
     return ca.SX(ca.diagcat(ca.DM.eye(3) / world.mass, ca.DM(np.linalg.inv(inertia))))

@@ -9,23 +9,24 @@ import casadi as ca
 
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.mechanics.kinematics import Platform, PlatformPoint
+from sim_backends.plant.paid_out import HOUR
 from sim_backends.plant.world import World
 
-HOUR = 3600.0
-"""s"""
 
-
-def loads(world: World) -> tuple[HiddenEffect, ...]:
+def loads_in(world: World) -> tuple[HiddenEffect, ...]:
     """All that may be on the platform for some time."""
     return world.effects("body-step", "body-drift")
 
 
-def loads_of(body: Platform) -> Iterable[tuple[ca.SX, PlatformPoint]]:
+def mass_of(load: HiddenEffect, t: ca.SX | float) -> ca.SX | float:
+    """kg, at t (s of the session)."""
+    return load["m"] * (t >= load["at"]) if load.id == "body-step" else load["rate"] * t / HOUR
+
+
+def loads_of(body: Platform) -> Iterable[tuple[ca.SX | float, PlatformPoint]]:
     """The mass (kg) of each load now, and where it is."""
-    time = body.now[0]
-    for load in loads(body.world):
-        mass = load["m"] * (time >= load["at"]) if load.id == "body-step" else load["rate"] * time / HOUR
-        yield mass, body.point(load.vector("x", "y", "z"))
+    for load in loads_in(body.world):
+        yield mass_of(load, body.now[0]), body.point(load.vector("x", "y", "z"))
 
 
 def loaded(body: Platform, mass: ca.SX, force: ca.SX) -> tuple[ca.SX, ca.SX]:
