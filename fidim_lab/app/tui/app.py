@@ -27,7 +27,7 @@ from fidim_lab.app.tui.dialogs import Confirm, Dialog, Palette, Reason
 from fidim_lab.app.tui.link import Link
 from fidim_lab.app.tui.main_screen import MainScreen
 from fidim_lab.app.tui.orders import Orders, Person, Verb
-from fidim_lab.app.tui.screens.bars import SETTLE, choice_keys
+from fidim_lab.app.tui.screens.bars import KEYS, SETTLE, choice_keys
 from fidim_lab.app.tui.stage import Stage
 from fidim_lab.app.tui.themes import DARK, LIGHT
 from fidim_lab.app.tui.view import Connection, ScreenState
@@ -50,14 +50,8 @@ class FidimUi(App[None]):
     """rows below which a dialog takes the whole terminal, without a frame"""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f12,ctrl+e", "emergency_stop", "E-STOP", key_display="F12", priority=True),
-        Binding("r", "order('reset')", "reset"),
-        Binding("g", "order('start')", "go"),
-        Binding("p", "order('pause')", "pause"),
-        Binding("k", "order('skip')", "skip"),
-        Binding("o", "order('retry')", "once more"),
-        Binding("x", "order('abort')", "abort"),
+        *(Binding(key, action[4:], word) for key, word, action in KEYS if action.startswith("app.") and len(key) == 1),
         Binding("t", "order('lease')", "take command", show=False),
-        Binding("q", "quit", "leave"),
     ]
 
     def __init__(

@@ -9,7 +9,7 @@ from typing import Literal
 
 from drivers.ports import Clock
 from fidim_lab.app.tui.aside import Aside, StalledError
-from fidim_lab.app.tui.paint import span_of_time
+from fidim_lab.app.tui.paint import time_span
 from fidim_lab.app.tui.result_files import EXPLANATION, RESULT
 
 Work = Literal["identify", "explain"]
@@ -29,7 +29,7 @@ class Jobs:
 
     def says(self, now: float) -> str:
         """What to show of it at this time (s, any clock that `run` was given a time of)."""
-        return f"{self._doing} {span_of_time(now - self._begun)} …" if self._doing else self._failed
+        return f"{self._doing} {time_span(now - self._begun)} …" if self._doing else self._failed
 
     async def run(self, work: Work, folder: Path, now: float) -> None:
         """Run `fidim identify` or `fidim explain` on the folder, its answer beside the windows."""

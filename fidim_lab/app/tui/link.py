@@ -1,7 +1,7 @@
 """The connection: finds the service, listens, and tries again when it is gone. The run does not notice.
 
-A link belongs to the rig that it first attached to. The service of another rig is only offered (`View.offer`) until a
-person accepts the change. The emergency stop needs no connection that is already open: it makes one where it must.
+A link belongs to the rig that it first attached to. The service of another rig is only offered (`ScreenState.offer`)
+until a person accepts the change. The emergency stop needs no open connection: it makes one where it must.
 """
 
 import asyncio
@@ -15,6 +15,7 @@ from fidim_lab.app.service.client import ServiceClient, connect
 from fidim_lab.app.service.commands import Command, EmergencyStop
 from fidim_lab.app.service.lock import Holder, running
 from fidim_lab.app.service.messages import Answer, Welcome
+from fidim_lab.app.service.own_process import serves
 from fidim_lab.app.service.place import ServicePlace, all_places, places_of
 from fidim_lab.app.tui.aside import Aside
 from fidim_lab.app.tui.view import ScreenState, Tracker
@@ -62,8 +63,7 @@ class Finder:
             return _one(places_of(self.rig), why, known)
         places = all_places()
         if self.folder is not None:
-            wanted = self.folder.resolve()
-            places = [place for place, who in running(places) if Path(who.folder).resolve() == wanted]
+            places = [place for place, who in running(places) if serves(who, self.folder)]
             why = f"{self.folder}: no service runs in this folder now"
             left = ". r starts it again, to continue its run" if (self.folder / RUN).is_file() else ""
             return _one(places, why + left, known)

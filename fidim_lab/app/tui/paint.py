@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from fidim_lab.say import printable
+from fidim_lab.units import millimetres
 
 Style = Literal["", "dim", "head", "good", "warn", "bad", "old", "key", "alarm", "rig", "measured", "model"]
 
@@ -58,6 +59,11 @@ def number(value: float | None, decimals: int, unit: str = "") -> str:
     return f"{value:.{decimals}f}{f' {unit}' if unit else ''}"
 
 
+def milli(value: float | None, decimals: int, unit: str = "") -> str:
+    """As `number`, of a thousand times the value: metres as mm, seconds as ms."""
+    return number(None if value is None else millimetres(value), decimals, unit)
+
+
 def bar(fraction: float, width: int) -> str:
     """A bar of this many cells, filled to eighths of a cell; an empty cell is a dot, to be seen without colour."""
     eighths = round(min(max(fraction, 0.0), 1.0) * width * 8)
@@ -66,7 +72,7 @@ def bar(fraction: float, width: int) -> str:
     return drawn.ljust(width, "·")
 
 
-def span_of_time(seconds: float | None) -> str:
+def time_span(seconds: float | None) -> str:
     """As 45 s, 12:30 or 1:02:05."""
     if seconds is None:
         return "–"
@@ -83,12 +89,12 @@ def greyed(lines: Iterable[Line]) -> list[Line]:
     return [tuple(Span(span.text, "old", span.click) for span in row) for row in lines]
 
 
-def folded(row: Line, width: int, indent: str = "  ") -> list[Line]:
+def folded(row: Line, width: int) -> list[Line]:
     """A line on as many as it needs, each piece on the next one where it does not fit."""
     rows: list[list[Span]] = [[]]
     for span in row:
         if rows[-1] and sum(len(one.text) for one in rows[-1]) + len(span.text) > width:
-            rows.append([Span(indent)])
+            rows.append([Span("  ")])
             span = replace(span, text=span.text.lstrip())
         rows[-1].append(span)
     return [tuple(one) for one in rows]
@@ -97,6 +103,11 @@ def folded(row: Line, width: int, indent: str = "  ") -> list[Line]:
 def fitted(text: str, width: int) -> list[str]:
     """A text as it is where it fits, its blanks too; else wrapped."""
     return [text] if len(text) <= width else wrapped(text, width)
+
+
+def paragraph(text: str, width: int, style: Style = "", indent: str = "") -> list[Line]:
+    """A text in one style, on as many lines as it needs."""
+    return [line(Span(row, style)) for row in wrapped(text, width, indent)]
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:

@@ -6,13 +6,12 @@ from pathlib import Path
 
 from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Input
 
 from drivers.ports import Clock
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.jobs import Jobs
-from fidim_lab.app.tui.paint import Line, Span, greyed, line, wrapped
+from fidim_lab.app.tui.paint import Line, greyed, paragraph
 from fidim_lab.app.tui.result_files import ResultFilesWatch
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.log import log_lines
@@ -82,7 +81,7 @@ class Stage:
         """The run's folder."""
         return self._given if view.welcome is None else Path(view.welcome.folder)
 
-    def draw(self, view: ScreenState, over: Iterable[Widget] = ()) -> None:
+    def draw(self, view: ScreenState, over: Iterable[Board] = ()) -> None:
         """Draw; over: boards for the alarms, of dialogs that cover the screen. Raises nothing.
 
         What cannot be drawn is no reason to lose the keys.
@@ -92,16 +91,14 @@ class Stage:
         except Exception as error:
             self._draw_fault(view, f"✗ This screen cannot be drawn: {type(error).__name__}: {error}.")
 
-    def _draw(self, view: ScreenState, over: Iterable[Widget]) -> None:
+    def _draw(self, view: ScreenState, over: Iterable[Board]) -> None:
         width = max(self.state.size.width, 40)
         self.foresight.look(view.trace if view.recording else Trace(), self.folder(view))
         notice = self._notice[0] if view.now < self._notice[1] else ""
-        state = state_lines(view, width, notice)
-        self.state.show(state)
+        self.state.show(state_lines(view, width, notice))
         for covering in over:
-            if isinstance(covering, Board):
-                room = max(covering.size.width, 40)
-                covering.show([*state_lines(view, room, notice), *prompt_lines(view, room, typing=self._typing)])
+            room = max(covering.size.width, 40)
+            covering.show([*state_lines(view, room, notice), *prompt_lines(view, room, typing=self._typing)])
         self.tabs.show(tab_lines(self.current, width))
         self.prompt.show(prompt_lines(view, width, typing=self._typing))
         self.keys.show(key_lines(width))
@@ -117,7 +114,7 @@ class Stage:
 
     def _draw_fault(self, view: ScreenState, says: str) -> None:
         """As little as can be, where `draw` has failed: that it has, and the alarms if those can be drawn."""
-        rows: list[Line] = [line(Span(text, "bad")) for text in wrapped(says, 79)]
+        rows = paragraph(says, 79, "bad")
         with suppress(Exception):
             rows += state_lines(view, max(self.state.size.width, 40))
         self.state.show(rows)

@@ -4,8 +4,9 @@
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any
 
 from fidim_lab.app.service.commands import Message
 from fidim_lab.app.service.messages import (
@@ -86,6 +87,14 @@ class ScreenState:
         return self.contact is Connection.LIVE and self.status is not None
 
     @property
+    def displaced(self) -> Position | None:
+        """By how much the main marker is off the place where it was when the prompt came, m."""
+        if self.rest is None or self.status is None or self.status.mocap.position is None:
+            return None
+        (x, y, z), (x0, y0, z0) = self.status.mocap.position, self.rest
+        return x - x0, y - y0, z - z0
+
+    @property
     def commander(self) -> str:
         """Who has the lease, as people know it; empty where nobody has."""
         if self.status is None or self.status.commanding is None:
@@ -102,109 +111,88 @@ class Tracker:
     """Keeps what the link hears."""
 
     def __init__(self) -> None:
-        self._contact = Connection.SEEKING
-        self._why = ""
-        self._welcome: Welcome | None = None
-        self._status: Status | None = None
+        self._known = ScreenState()
+        """all but what `view` adds"""
         self._status_at: float | None = None
-        self._states: deque[Status] = deque(maxlen=REMEMBERED)
-        self._question: Question | None = None
-        self._asked = 0.0
         self._greeted = 0.0
-        self._rest: Position | None = None
+        self._states: deque[Status] = deque(maxlen=REMEMBERED)
         self._events: deque[Happening] = deque(maxlen=EVENTS)
         self._shown: tuple[Happening, ...] | None = ()
-        self._forgotten = 0
-        self._trace = Trace()
-        self._recording = False
-        self._offer: Welcome | None = None
 
     def take(self, message: Message, now: float) -> None:
         """Take one message at this process's time."""
+        question = self._known.question
         match message:
             case Welcome():
                 self._begin(message, now)
             case Status():
-                self._status, self._status_at = message, now
+                self._know(status=message, question=None if message.prompt is None else question)
+                self._status_at = now
                 self._states.append(message)
-                if message.prompt is None:
-                    self._question = None
             case History():
                 self._events.extend(message.events)  # one of several pieces; `_begin` has emptied it
-                self._forgotten, self._shown = message.forgotten, None
+                self._shown = None
+                self._know(forgotten=message.forgotten)
             case Happening():
                 self._events.append(message)
                 self._shown = None
             case Question():
-                if self._question is None or self._question.number != message.number:
-                    self._question, self._asked = message, now
-                    seen = None if self._status is None else self._status.mocap.position
-                    self._rest = seen if now - self._greeted > STALE else None
+                if question is None or question.number != message.number:
+                    seen = None if self._known.status is None else self._known.status.mocap.position
+                    rest = seen if now - self._greeted > STALE else None
+                    self._know(question=message, asked=now, rest=rest)
             case PromptClosed():
-                if self._question is not None and self._question.number == message.number:
-                    self._question = None
+                if question is not None and question.number == message.number:
+                    self._know(question=None)
             case Samples():
                 self._sampled(message)
             case Bye():
-                self._contact, self._why = Connection.ENDED, message.says
+                self._know(contact=Connection.ENDED, why=message.says)
             case _:
                 pass
 
     def lose(self, why: str) -> None:
         """The connection is gone; a service that said goodbye has ended, not failed."""
-        self._question = None
-        self._recording = False
-        if self._contact is Connection.ENDED:
-            return
-        self._contact = Connection.SEEKING if self._status is None else Connection.LOST
-        self._why = why
+        self._know(question=None, recording=False)
+        if self._known.contact is not Connection.ENDED:
+            self._know(contact=Connection.SEEKING if self._known.status is None else Connection.LOST, why=why)
 
     def offer(self, welcome: Welcome | None) -> None:
         """Another rig has a service while this one has none; or no longer."""
-        self._offer = welcome
+        self._know(offer=welcome)
 
     def view(self, now: float) -> ScreenState:
         """What is known now."""
         if self._shown is None:
             self._shown = tuple(self._events)
         age = None if self._status_at is None else max(now - self._status_at, 0.0)
-        silent = self._contact is Connection.LIVE and age is not None and age > STALE
-        return ScreenState(
-            now=now,
-            contact=Connection.SILENT if silent else self._contact,
-            why=self._why,
-            welcome=self._welcome,
-            status=self._status,
-            age=age,
-            question=self._question,
-            asked=self._asked,
-            rest=self._rest,
-            events=self._shown,
-            forgotten=self._forgotten,
-            trace=self._trace,
-            recording=self._recording,
-            offer=self._offer,
-            states=tuple(self._states),
-        )
+        contact = self._known.contact
+        if contact is Connection.LIVE and age is not None and age > STALE:
+            contact = Connection.SILENT
+        return replace(self._known, now=now, contact=contact, age=age, events=self._shown, states=tuple(self._states))
+
+    def _know(self, **news: Any) -> None:
+        self._known = replace(self._known, **news)
 
     def _begin(self, welcome: Welcome, now: float) -> None:
         """A connection: what an earlier service said of another run is not shown as this one's."""
-        if self._welcome is not None and self._welcome.folder != welcome.folder:
-            self._trace = Trace()
-        self._welcome, self._contact, self._why = welcome, Connection.LIVE, ""
-        self._greeted = now
+        before = self._known.welcome
+        if before is not None and before.folder != welcome.folder:
+            self._know(trace=Trace())
+        self._know(welcome=welcome, contact=Connection.LIVE, why="", status=None, question=None)
+        self._greeted, self._status_at = now, None
         self._events.clear()
         self._states.clear()  # a new service's clock begins anew
-        self._status = self._status_at = self._question = None
 
     def _sampled(self, samples: Samples) -> None:
-        self._recording = bool(samples.window)
+        self._know(recording=bool(samples.window))
         if not samples.window:
             return
-        trace = self._trace
+        trace = self._known.trace
         clock_went_back = bool(trace.t) and samples.t and samples.t[0] < trace.t[-1]
         if (trace.window, trace.attempt) != (samples.window, samples.attempt) or clock_went_back:
-            self._trace = trace = Trace(samples.window, samples.attempt)
+            trace = Trace(samples.window, samples.attempt)
+            self._know(trace=trace)
         if len(trace.t) < SAMPLES:
             trace.t.extend(samples.t)
             trace.positions.extend(samples.positions)

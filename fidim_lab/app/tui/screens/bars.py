@@ -4,7 +4,7 @@ import re
 import string
 from collections.abc import Sequence
 
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, fitted, left, line, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, fitted, left, line, paragraph, wrapped
 from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
 
@@ -42,8 +42,7 @@ def state_lines(view: ScreenState, width: int, notice: str = "") -> list[Line]:
     """Whose rig this is, the state, alarms that nobody can overlook, and what was last said to this person."""
     rows = [_rig(view, width), _state(view, width)]
     rows += _alarms(view, width)
-    rows += [line(Span(text, "key")) for text in wrapped(notice, width)[:2]]
-    return rows
+    return [*rows, *paragraph(notice, width, "key")[:2]]
 
 
 def tab_lines(current: int, width: int) -> list[Line]:
@@ -65,7 +64,7 @@ def prompt_lines(view: ScreenState, width: int, *, typing: bool = False) -> list
         return []
     rows: list[Line] = [line(Span(left("━━ ANSWER THIS ".ljust(width, "━"), width), "key"))]
     about = f"{question.window}: " if question.window else ""
-    rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
+    rows += paragraph(f"{about}{question.text}", width, "head")[:4]
     if question.displacement:
         wanted = Span(f"displace by  {_away(question.displacement)}")
         rows += _beside((wanted, Span(_displaced(view), "good")), width)
@@ -107,14 +106,9 @@ def _away(metres: Sequence[float]) -> str:
 
 def _displaced(view: ScreenState) -> str:
     """Where the marker is now, from where it was when the prompt came: what the hand at the platform wants to know."""
-    place = None if view.status is None else view.status.mocap.position
     if view.rest is None:
         return ""
-    return (
-        "NOW  marker not seen"
-        if place is None
-        else f"NOW  {_away([a - b for a, b in zip(place, view.rest, strict=True)])}"
-    )
+    return "NOW  marker not seen" if view.displaced is None else f"NOW  {_away(view.displaced)}"
 
 
 def _default(view: ScreenState) -> str:

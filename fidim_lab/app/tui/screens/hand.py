@@ -64,7 +64,4 @@ def _now(view: ScreenState) -> Sequence[str]:
     """Of the marker, from where it was when the prompt came; empty where nobody saw that."""
     if view.rest is None or view.status is None:
         return ()
-    place = view.status.mocap.position
-    if place is None:
-        return ("?", "?", "?")
-    return [f"{round(millimetres(a - b)):+d}" for a, b in zip(place, view.rest, strict=True)]
+    return ("?",) * 3 if view.displaced is None else [f"{round(millimetres(v)):+d}" for v in view.displaced]

@@ -2,10 +2,10 @@
 
 import math
 
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, milli, paragraph, right
 from fidim_lab.app.tui.result_files import ResultFiles
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
-from fidim_lab.units import millimetres, percent, plain
+from fidim_lab.units import percent, plain
 
 GOOD, WRONG = "converged", ("impossible", "misfit", "not-converged")
 INTERVAL = 1.96
@@ -16,18 +16,25 @@ WEAK = 0.1
 
 def result_lines(result_files: ResultFiles, width: int, job: str = "") -> list[Line]:
     """The whole screen; job: what is being computed."""
-    rows: list[Line] = [line(Span(job, "key"))] if job else []
-    rows += [line(Span(text, "bad")) for problem in result_files.problems for text in wrapped(problem, width)]
+    rows = job_lines(result_files, width, job)
     if result_files.result is None:
         says = "Nothing is identified yet. Press i to identify from the windows recorded so far."
-        return [*rows, *(line(Span(text, "dim")) for text in wrapped(says, width))]
+        return [*rows, *paragraph(says, width, "dim")]
     result = result_files.result
     style: Style = "good" if result.outcome == GOOD else "bad" if result.outcome in WRONG else "warn"
     mark = "✓" if style == "good" else "✗" if style == "bad" else "~"
     says = f"{mark} {result.outcome}: {result.message}"
-    rows += [line(Span(text, style)) for text in wrapped(says, width)]
-    rows += [line(Span(text, "key")) for text in wrapped(f"Next: {_next(result_files)}", width)]
+    rows += paragraph(says, width, style)
+    rows += paragraph(f"Next: {_next(result_files)}", width, "key")
     return [*rows, EMPTY, *_parameters(result, result_files), EMPTY, *_windows(result, width)]
+
+
+def job_lines(result_files: ResultFiles, width: int, job: str) -> list[Line]:
+    """What is being computed, and which files could not be read."""
+    rows: list[Line] = [line(Span(job, "key"))] if job else []
+    for problem in result_files.problems:
+        rows += paragraph(problem, width, "bad")
+    return rows
 
 
 def _parameters(result: ResultTable, result_files: ResultFiles) -> list[Line]:
@@ -68,11 +75,11 @@ def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, 
     far: Style = "warn" if off is not None and abs(off) > 3 else ""
     return line(
         Span(left(f"{name}{' ~ weak' if weak else ''}", 16), "warn" if weak else "head"),
-        Span(right("not known" if found.value is None else f"{millimetres(found.value):.3f}", 10), "head"),
-        right("–" if sd is None else f"{millimetres(INTERVAL * sd):.3f}", 9),
-        right("–" if found.nominal is None else f"{millimetres(found.nominal):.3f}", 10),
+        Span(right("not known" if found.value is None else milli(found.value, 3), 10), "head"),
+        right(milli(None if sd is None else INTERVAL * sd, 3), 9),
+        right(milli(found.nominal, 3), 10),
         Span(right("–" if off is None else f"{off:+.1f}{' !' if far else '  '}", 13), far),
-        right("–" if before is None or before.value is None else f"{millimetres(before.value):.3f}", 19),
+        right(milli(None if before is None else before.value, 3), 19),
     )
 
 

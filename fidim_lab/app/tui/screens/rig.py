@@ -1,9 +1,9 @@
 """Rig: each winch, motion capture, the bus, the guards."""
 
 from fidim_lab.app.service.messages import GuardState, MocapState, Status, WinchState
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, folded, left, line, number, right, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, folded, left, line, milli, number, paragraph, right
 from fidim_lab.app.tui.view import ScreenState
-from fidim_lab.units import millimetres, percent
+from fidim_lab.units import percent
 
 OLD = 0.5
 """s after which a device's own value is called old"""
@@ -47,19 +47,19 @@ def rig_lines(view: ScreenState, width: int) -> list[Line]:
     ]
 
 
-def tension_bar(tension: float | None, limits: tuple[float, float], cells: int = BAR) -> Span:
+def tension_bar(tension: float | None, limits: tuple[float, float]) -> Span:
     """Where a tension lies between its limits; beyond them it says so."""
     low, high = limits
     if tension is None or high <= low:
-        return Span("?" * cells, "dim")
+        return Span("?" * BAR, "dim")
     if tension < low:
-        return Span(left("◀ TOO LOW", cells), "bad")
+        return Span(left("◀ TOO LOW", BAR), "bad")
     if tension > high:
-        return Span(right("TOO HIGH ▶", cells), "bad")
+        return Span(right("TOO HIGH ▶", BAR), "bad")
     place = (tension - low) / (high - low)
     near = min(place, 1 - place) < 0.05
-    at = min(int(place * cells), cells - 1)
-    return Span("─" * at + "┃" + "─" * (cells - at - 1), "warn" if near else "good")
+    at = min(int(place * BAR), BAR - 1)
+    return Span("─" * at + "┃" + "─" * (BAR - at - 1), "warn" if near else "good")
 
 
 def _winch_head(width: int) -> str:
@@ -73,47 +73,39 @@ def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
     age = None if winch.age is None else winch.age + since
     old = age is None or age > OLD
     drive, style = DRIVES.get(winch.drive, (f"○ {winch.drive}", ""))
-    speed = None if winch.speed is None else millimetres(winch.speed)
-    error = None if winch.following_error is None else millimetres(winch.following_error)
     whole = width >= WHOLE
-    length = Span(right(number(winch.length, 4), 9), _length_style(winch))
+    length = Span(right(number(winch.length, 4), 9), _beyond(winch.length, winch.length_limits))
     row = line(left(winch.name, 9), Span(left(drive, 20 if whole else NARROW), style), length)
     tension = right(number(winch.tension, 1), 7)
     if whole:
         between = tension_bar(winch.tension, winch.tension_limits)
-        last = right(number(winch.temperature, 0), 4), right(number(error, 2), 8)
-        row = (*row, *line(right(number(speed, 0), 6), tension, "  ", between, " ", *last))
+        last = right(number(winch.temperature, 0), 4), right(milli(winch.following_error, 2), 8)
+        row = (*row, *line(right(milli(winch.speed, 0), 6), tension, "  ", between, " ", *last))
     else:
-        row = (*row, Span(tension, _tension_style(winch)))
+        row = (*row, Span(tension, _beyond(winch.tension, winch.tension_limits)))
     further: list[Line] = []
     if old:
         says = "no values yet" if age is None else f"OLD VALUES: {age:.1f} s"
         row = tuple(Span(span.text, "old") for span in row)
         further.append(line(Span(f"         ✗ {winch.name}: {says}", "bad")))
     if winch.fault:
-        further += [line(Span(text, "bad")) for text in wrapped(f"✗ {winch.fault}", width, "         ")]
+        further += paragraph(f"✗ {winch.fault}", width, "bad", "         ")
     if width >= 90 and not old:
         row = (*row, Span(f"  {1e3 * (age or 0.0):4.0f} ms old", "dim"))
     return [row, *further]
 
 
-def _tension_style(winch: WinchState) -> Style:
-    low, high = winch.tension_limits
-    return "" if winch.tension is None or low <= winch.tension <= high else "bad"
-
-
-def _length_style(winch: WinchState) -> Style:
-    if winch.length is None or winch.length_limits is None:
-        return ""
-    low, high = winch.length_limits
-    return "" if low <= winch.length <= high else "bad"
+def _beyond(value: float | None, limits: tuple[float, float] | None) -> Style:
+    """The style of a value that has limits."""
+    return "" if value is None or limits is None or limits[0] <= value <= limits[1] else "bad"
 
 
 def _mocap(mocap: MocapState, since: float, width: int) -> list[Line]:
     age = None if mocap.age is None else mocap.age + since
     slow = mocap.measured_rate < 0.9 * mocap.rate
     rate = Span(f"{mocap.measured_rate:.0f} of {mocap.rate:.0f} Hz", "warn" if slow else "good")
-    more = f"  latency {_ms(mocap.latency)}", f"  newest {_ms(age)} ago", f"  {mocap.markers_seen} markers seen"
+    latency, newest = milli(mocap.latency, 0, "ms"), milli(age, 0, "ms")
+    more = f"  latency {latency}", f"  newest {newest} ago", f"  {mocap.markers_seen} markers seen"
     rows = folded(line(Span("motion capture  ", "head"), rate, *more), width)
     old = age is None or age > OLD
     if mocap.position is None:
@@ -123,23 +115,19 @@ def _mocap(mocap: MocapState, since: float, width: int) -> list[Line]:
         place = f"  main marker  x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m"
         rows.append(line(Span(f"{place}  OLD" if old else place, "old" if old else "")))
     counted = ", ".join(f"{count} {name}" for name, count in mocap.counters.items())
-    rows += [line(Span(text, "dim")) for text in wrapped(f"frames: {counted}" if counted else "", width, "  ")]
+    rows += paragraph(f"frames: {counted}" if counted else "", width, "dim", "  ")
     return rows
 
 
-def _ms(seconds: float | None) -> str:
-    return number(None if seconds is None else millimetres(seconds), 0, "ms")
-
-
 def _bus(status: Status) -> Line:
-    bus, late = status.bus, status.loop_late
+    bus = status.bus
     load = number(None if bus.load is None else percent(bus.load), 0, "%")
     busy: Style = "warn" if bus.load is not None and bus.load > 0.7 else ""
     return line(
         Span("bus  ", "head"),
         Span(f"load {load}", busy),
         f"  {number(bus.frames, 0, 'frames/s')}",
-        f"  control loop late by {millimetres(late):.0f} ms",
+        f"  control loop late by {milli(status.loop_late, 0, 'ms')}",
     )
 
 
@@ -150,7 +138,7 @@ def _guards(guards: tuple[GuardState, ...], width: int) -> list[Line]:
         mark, style = GUARDS[guard.state]
         if guard.state in ("tripped", "warning"):
             says = f"guard {guard.name}: {mark} ({guard.reaction}) {guard.why}"
-            rows += [line(Span(text, style)) for text in wrapped(says, width)]
+            rows += paragraph(says, width, style)
     quiet = [guard for guard in guards if guard.state in ("armed", "disarmed")]
     columns = max(width // 38, 1)
     for begin in range(0, len(quiet), columns):

@@ -5,11 +5,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fidim_lab.app.service.messages import EquilibriumState, Status
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
+from fidim_lab.app.tui.paint import (
+    EMPTY,
+    Line,
+    Span,
+    Style,
+    bar,
+    left,
+    line,
+    milli,
+    number,
+    paragraph,
+    right,
+    time_span,
+)
 from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.screens.why import newest_check
 from fidim_lab.app.tui.view import ScreenState
-from fidim_lab.units import millimetres
 
 MARKS: dict[str, tuple[str, Style]] = {
     "pass": ("✓ pass", "good"),
@@ -72,11 +84,11 @@ def _step(view: ScreenState, status: Status, width: int) -> list[Line]:
             line("i: identify; e: explain what the model leaves out; q: leave."),
         ]
     if step is None:
-        return [line(Span(text, "head")) for text in wrapped(_how_to_begin(status), width)]
+        return paragraph(_how_to_begin(status), width, "head")
     text = step.text or step.step
     begin = f"step {step.number}, {step.phase}  "
-    end = f" {100 * step.fraction:3.0f} %  {_done(status)}  left {span_of_time(step.left)}"
-    rows = [line(Span(row, "head")) for row in wrapped(f"{step.window}  {text}", width)] or [EMPTY]
+    end = f" {100 * step.fraction:3.0f} %  {_done(status)}  left {time_span(step.left)}"
+    rows = paragraph(f"{step.window}  {text}", width, "head") or [EMPTY]
     if len(begin) + LEAST_BAR + len(end) > width:
         drawn = bar(step.fraction, max(width - len(begin), LEAST_BAR))
         return [*rows, line(begin, Span(drawn, "good")), line(end.strip())]
@@ -91,7 +103,7 @@ def _why_it_ended(view: ScreenState, width: int) -> list[Line]:
         return []
     style: Style = "" if last.outcome == "pass" else "bad"
     said = f"{MARKS.get(last.outcome, (last.outcome, style))[0]}: {last.reason or last.text}"
-    return [line(Span(text, style)) for text in wrapped(said, width)]
+    return paragraph(said, width, style)
 
 
 def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
@@ -99,7 +111,7 @@ def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
     if view.welcome is None or all(row.state == "done" for row in status.equilibria):
         return []
     says = f"Continue with r, or: fidim resume {shlex.quote(view.welcome.folder)}"
-    return [line(Span(text, "key")) for text in wrapped(says, width)]
+    return paragraph(says, width, "key")
 
 
 def _how_to_begin(status: Status) -> str:
@@ -140,13 +152,12 @@ def _table(status: Status, width: int) -> list[Line]:
 def _row(row: EquilibriumState, shown: Sequence[Column], width: int) -> list[Line]:
     current = row.state == "current"
     verdict, style = MARKS.get(row.verdict, (row.verdict, ""))
-    amplitude = None if row.amplitude is None else millimetres(row.amplitude)
     texts = {
         "window": row.window,
         "role": row.role,
         "state": _state(row),
         "margin": number(row.margin, 1, "N"),
-        "amplitude": number(amplitude, 0, "mm"),
+        "amplitude": milli(row.amplitude, 0, "mm"),
         "tries": str(row.attempts or "–"),
     }
     words: Style = "head" if current else "dim" if row.state == "waiting" else ""
@@ -164,4 +175,4 @@ def _row(row: EquilibriumState, shown: Sequence[Column], width: int) -> list[Lin
         return [begin]
     if used + 2 + len(row.reason) <= width:
         return [(*begin, Span(f"  {row.reason}", "dim"))]
-    return [begin, *(line(Span(text, "dim")) for text in wrapped(row.reason, width, "      "))]
+    return [begin, *paragraph(row.reason, width, "dim", "      ")]

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.app.service.messages import Happening
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, paragraph, right
 from fidim_lab.app.tui.result_files import ResultFiles, ShownExplanation
+from fidim_lab.app.tui.screens.result import job_lines
 from fidim_lab.mismatch.conclusion.parts import Before
 
 KIND = "model-checked"
@@ -31,22 +32,22 @@ BEST = 12
 
 def why_lines(result_files: ResultFiles, width: int, job: str = "", checked: Sequence[Line] = ()) -> list[Line]:
     """The whole screen; job: what is being computed; checked: what was said after each window."""
-    rows: list[Line] = [line(Span(job, "key"))] if job else []
-    rows += [line(Span(text, "bad")) for problem in result_files.problems for text in wrapped(problem, width)]
+    rows = job_lines(result_files, width, job)
     if result_files.explanation is None:
         says = "Nothing is explained yet. Press e to find what the model leaves out; it takes minutes."
-        return [*rows, *(line(Span(text, "dim")) for text in wrapped(says, width)), EMPTY, *checked]
+        return [*rows, *paragraph(says, width, "dim"), EMPTY, *checked]
     found = result_files.explanation
     verdict, style = VERDICTS.get(found.verdict, (found.verdict, ""))
     rows += [line(Span(verdict, style)), EMPTY, *_effects(found, width), EMPTY, *_before_after(found)]
     if found.where:
         rows += [EMPTY, line(Span("Where", "head"))]
-        rows += [line(text) for place in found.where for text in wrapped(place.says, width, "  ")]
+        for place in found.where:
+            rows += paragraph(place.says, width, indent="  ")
     rows += [EMPTY, *_ranking(found, width)]
     if found.next_experiment:
-        rows += [EMPTY, *(line(Span(text, "key")) for text in wrapped(f"Next: {found.next_experiment}", width))]
+        rows += [EMPTY, *paragraph(f"Next: {found.next_experiment}", width, "key")]
     rows += [EMPTY, *checked] if checked else []
-    return [*rows, EMPTY, line(Span("In full", "head")), *(line(text) for text in wrapped(found.message, width, "  "))]
+    return [*rows, EMPTY, line(Span("In full", "head")), *paragraph(found.message, width, indent="  ")]
 
 
 def _before_after(found: ShownExplanation) -> list[Line]:
@@ -79,7 +80,7 @@ def _effects(found: ShownExplanation, width: int) -> list[Line]:
 def _effect(effect: EffectTable, width: int) -> list[Line]:
     place = "" if effect.cable is None else f" of cable {effect.cable}"
     alike = f" (cannot be separated from {', '.join(effect.alike)})" if effect.alike else ""
-    rows = [line(Span(text, "head")) for text in wrapped(f"{effect.id}{place}: {effect.says}{alike}", width, "  ")]
+    rows = paragraph(f"{effect.id}{place}: {effect.says}{alike}", width, "head", "  ")
     for name, parameter in effect.parameters.items():
         sd = "held" if parameter.sd is None else f"± {parameter.sd:.2g}"
         rows.append(line(f"    {left(name, 12)} {_short(parameter.value, 5)} {sd} {parameter.unit}"))
@@ -137,4 +138,4 @@ def _said(event: Happening, width: int) -> list[Line]:
     style = check_style(event)
     begin = f"{event.window}: " if event.window else ""
     mark = f"{check_mark(event)}model "
-    return [line(Span(text, style)) for text in wrapped(f"{mark}{begin}{event.text}", width)]
+    return paragraph(f"{mark}{begin}{event.text}", width, style)

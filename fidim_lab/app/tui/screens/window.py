@@ -7,11 +7,10 @@ import math
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.foresight import Foreseen
-from fidim_lab.app.tui.paint import Line, Span, left, line, number, wrapped
+from fidim_lab.app.tui.paint import Line, Span, left, line, milli, paragraph
 from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.view import ScreenState, Trace
 from fidim_lab.app.tui.widgets.plot import Curve, canvas, limits
-from fidim_lab.units import millimetres
 
 LABEL = 13
 LEAST = 0.002
@@ -26,7 +25,7 @@ def window_lines(view: ScreenState, width: int, height: int, foreseen: Foreseen 
         return figures
     if len(trace.t) < 2:
         says = "Nothing has been recorded since this screen was opened. Curves appear while a window is recorded."
-        return [line(Span(text, "dim")) for text in wrapped(says, width)]
+        return paragraph(says, width, "dim")
     known = foreseen if foreseen is not None and foreseen.of == (trace.window, trace.attempt) else None
     rows = [_head(view, trace, known, doubt, width)]
     left_over = residuals(trace, known)
@@ -83,7 +82,7 @@ def _residual(
     drawn = canvas([Curve(trace.t, values, "warn")], span, (0.0, top), max(width - LABEL, 4), rows)
     rms = math.sqrt(sum(v * v for v in known) / len(known)) if known else None
     labelled = _labelled(drawn, "Δ mm", (0.0, top), 2, 1e3)
-    says = f"rms {number(None if rms is None else millimetres(rms), 2)}"
+    says = f"rms {milli(rms, 2)}"
     if rows >= 3:
         labelled[1] = (Span(left(says, LABEL), "warn"), *labelled[1][1:])
     return labelled

@@ -19,7 +19,7 @@ from fidim_lab.app.service.messages import (
     Welcome,
 )
 from fidim_lab.app.tui.foresight import Foreseen
-from fidim_lab.app.tui.paint import bar, number, span_of_time, text_of, wrapped
+from fidim_lab.app.tui.paint import bar, number, text_of, time_span, wrapped
 from fidim_lab.app.tui.result_files import ResultFiles, read_result_files
 from fidim_lab.app.tui.screens.bars import RESERVED, choice_keys, prompt_lines, state_lines
 from fidim_lab.app.tui.screens.log import log_lines
@@ -233,9 +233,9 @@ def test_a_curve_lies_where_its_values_are():
         (bar(2.0, 4), "████"),
         (number(None, 2), "–"),
         (number(1.005, 1, "N"), "1.0 N"),
-        (span_of_time(45), "45 s"),
-        (span_of_time(754), "12:34"),
-        (span_of_time(3725), "1:02:05"),
+        (time_span(45), "45 s"),
+        (time_span(754), "12:34"),
+        (time_span(3725), "1:02:05"),
         (wrapped("one two three", 7), ["one two", "three"]),
         (wrapped("", 7), []),
     ],
