@@ -2,7 +2,7 @@
 
 Cameras that follow video take 60/1.001 frames, and programs call that 60: times made of such a header say nothing. A
 rate of 99.95 Hz is that of a computer's clock which is off (NTP sets it right by 5e-4), if the cameras take 100. A
-clock that runs a thousandth fast is a gravity that is two milli too large: mostly the body, or a geometry that is
+clock that runs a thousandth fast is a gravity that is two thousandths too large: mostly the body, or a geometry that is
 left open, takes it up, and nothing shows. So both are fitted. Where one explains the recordings better beyond chance,
 it leads; else the standard deviations are widened to hold both answers, and it is said.
 """
@@ -17,7 +17,7 @@ from fidim_lab.identification.cleaning.stamps import mean_step
 from fidim_lab.identification.results.result import IdentificationResult
 
 SAME = 2e-4
-"""of a rate: 2 ms in 10 s; what stamps do not tell, and what moves no parameter by more than its two milli"""
+"""of a rate: 2 ms in 10 s; what stamps do not tell, and what moves no parameter by more than its two thousandths"""
 OTHER = 0.05
 """of a rate: more is another camera, not a clock that is a little off"""
 AGREE = 0.25

@@ -13,7 +13,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from fidim_lab.app.tui.paint import Line, Span, fitted, line, paragraph
+from fidim_lab.app.tui.paint import Line, Span, block, fitted, line
 from fidim_lab.app.tui.widgets.board import Board
 
 WIDTH = 66
@@ -67,9 +67,9 @@ class Confirm(Dialog[bool]):
     def on_resize(self) -> None:
         """Show the lines; the answers stay in sight where the text must be scrolled."""
         width = self.room
-        rows: list[Line] = [*paragraph(self._title, width, "head"), ()]
+        rows: list[Line] = [*block(self._title, width, "head"), ()]
         for text in self._says:
-            rows += paragraph(text, width)
+            rows += block(text, width)
         keys = fitted(f"[y] {self._yes}   [n] no   F12 stops", width)
         self.query_one("#question", Board).show([*rows, ()])
         self.query_one("#answers", Board).show([line(Span(row, "key")) for row in keys])
@@ -95,7 +95,7 @@ class Reason(Dialog[str]):
     def on_mount(self) -> None:
         """Show the question; what is typed replaces the proposed reason."""
         keys = [line(Span(row, "key")) for row in fitted("[Enter] do it   Esc: no   F12: emergency stop", self.room)]
-        self.query_one("#question", Board).show([*paragraph(self._title, self.room, "head"), *keys])
+        self.query_one("#question", Board).show([*block(self._title, self.room, "head"), *keys])
         self.query_one(Input).focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

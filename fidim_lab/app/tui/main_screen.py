@@ -9,7 +9,7 @@ from textual.screen import Screen
 from fidim_lab.app.tui.dialogs import Help
 from fidim_lab.app.tui.jobs import Work
 from fidim_lab.app.tui.link import Link
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, line, paragraph, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, block, line, wrapped
 from fidim_lab.app.tui.screens.bars import TABS
 from fidim_lab.app.tui.stage import Stage
 
@@ -118,10 +118,10 @@ def help_lines(current: int, width: int) -> list[Line]:
     """About the present screen, then the keys."""
     name = TABS[current]
     rows: list[Line] = [line(Span(name, "head"))]
-    rows += paragraph(ABOUT[name], width)
+    rows += block(ABOUT[name], width)
     rows += [EMPTY, line(Span("Keys, on every screen", "head"))]
     for keys, says in KEYS:
         first, *more = wrapped(says, width - COLUMN)
         rows.append(line(Span(f"{keys:{COLUMN}}", "key"), first))
         rows += [line(" " * COLUMN + text) for text in more]
-    return [*rows, EMPTY, *paragraph("Esc closes this help. F12 stops the robot here, too.", width, "dim")]
+    return [*rows, EMPTY, *block("Esc closes this help. F12 stops the robot here, too.", width, "dim")]

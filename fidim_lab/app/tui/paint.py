@@ -105,7 +105,7 @@ def fitted(text: str, width: int) -> list[str]:
     return [text] if len(text) <= width else wrapped(text, width)
 
 
-def paragraph(text: str, width: int, style: Style = "", indent: str = "") -> list[Line]:
+def block(text: str, width: int, style: Style = "", indent: str = "") -> list[Line]:
     """A text in one style, on as many lines as it needs."""
     return [line(Span(row, style)) for row in wrapped(text, width, indent)]
 

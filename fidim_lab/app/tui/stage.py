@@ -11,7 +11,7 @@ from textual.widgets import ContentSwitcher, Input
 from drivers.ports import Clock
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.jobs import Jobs
-from fidim_lab.app.tui.paint import Line, greyed, paragraph
+from fidim_lab.app.tui.paint import Line, block, greyed
 from fidim_lab.app.tui.result_files import ResultFilesWatch
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.log import log_lines
@@ -114,7 +114,7 @@ class Stage:
 
     def _draw_fault(self, view: ScreenState, says: str) -> None:
         """As little as can be, where `draw` has failed: that it has, and the alarms if those can be drawn."""
-        rows = paragraph(says, 79, "bad")
+        rows = block(says, 79, "bad")
         with suppress(Exception):
             rows += state_lines(view, max(self.state.size.width, 40))
         self.state.show(rows)

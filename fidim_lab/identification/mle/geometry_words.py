@@ -146,6 +146,6 @@ def _unseen(surveyed: Surveyed, told: Geometry) -> str:
 
 
 def _away(value: float) -> str:
-    """m or rad in milli, with two figures and the sign; 0 below a hundredth of them."""
+    """m or rad in thousandths, with two figures and the sign; 0 below a hundredth of them."""
     shown = round(millimetres(value), 2)
     return f"{'+' if shown > 0 else ''}{plain(shown, 2)}" if shown else "0"

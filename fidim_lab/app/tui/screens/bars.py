@@ -4,7 +4,7 @@ import re
 import string
 from collections.abc import Sequence
 
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, fitted, left, line, paragraph, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, block, fitted, left, line, wrapped
 from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
 
@@ -42,7 +42,7 @@ def state_lines(view: ScreenState, width: int, notice: str = "") -> list[Line]:
     """Whose rig this is, the state, alarms that nobody can overlook, and what was last said to this person."""
     rows = [_rig(view, width), _state(view, width)]
     rows += _alarms(view, width)
-    return [*rows, *paragraph(notice, width, "key")[:2]]
+    return [*rows, *block(notice, width, "key")[:2]]
 
 
 def tab_lines(current: int, width: int) -> list[Line]:
@@ -64,7 +64,7 @@ def prompt_lines(view: ScreenState, width: int, *, typing: bool = False) -> list
         return []
     rows: list[Line] = [line(Span(left("━━ ANSWER THIS ".ljust(width, "━"), width), "key"))]
     about = f"{question.window}: " if question.window else ""
-    rows += paragraph(f"{about}{question.text}", width, "head")[:4]
+    rows += block(f"{about}{question.text}", width, "head")[:4]
     if question.displacement:
         wanted = Span(f"displace by  {_away(question.displacement)}")
         rows += _beside((wanted, Span(_displaced(view), "good")), width)

@@ -2,7 +2,7 @@
 
 import math
 
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, milli, paragraph, right
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, block, left, line, milli, right
 from fidim_lab.app.tui.result_files import ResultFiles
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
 from fidim_lab.units import percent, plain
@@ -19,13 +19,13 @@ def result_lines(result_files: ResultFiles, width: int, job: str = "") -> list[L
     rows = job_lines(result_files, width, job)
     if result_files.result is None:
         says = "Nothing is identified yet. Press i to identify from the windows recorded so far."
-        return [*rows, *paragraph(says, width, "dim")]
+        return [*rows, *block(says, width, "dim")]
     result = result_files.result
     style: Style = "good" if result.outcome == GOOD else "bad" if result.outcome in WRONG else "warn"
     mark = "✓" if style == "good" else "✗" if style == "bad" else "~"
     says = f"{mark} {result.outcome}: {result.message}"
-    rows += paragraph(says, width, style)
-    rows += paragraph(f"Next: {_next(result_files)}", width, "key")
+    rows += block(says, width, style)
+    rows += block(f"Next: {_next(result_files)}", width, "key")
     return [*rows, EMPTY, *_parameters(result, result_files), EMPTY, *_windows(result, width)]
 
 
@@ -33,7 +33,7 @@ def job_lines(result_files: ResultFiles, width: int, job: str) -> list[Line]:
     """What is being computed, and which files could not be read."""
     rows: list[Line] = [line(Span(job, "key"))] if job else []
     for problem in result_files.problems:
-        rows += paragraph(problem, width, "bad")
+        rows += block(problem, width, "bad")
     return rows
 
 

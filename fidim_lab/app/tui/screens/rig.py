@@ -1,7 +1,7 @@
 """Rig: each winch, motion capture, the bus, the guards."""
 
 from fidim_lab.app.service.messages import GuardState, MocapState, Status, WinchState
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, folded, left, line, milli, number, paragraph, right
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, block, folded, left, line, milli, number, right
 from fidim_lab.app.tui.view import ScreenState
 from fidim_lab.units import percent
 
@@ -89,7 +89,7 @@ def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
         row = tuple(Span(span.text, "old") for span in row)
         further.append(line(Span(f"         ✗ {winch.name}: {says}", "bad")))
     if winch.fault:
-        further += paragraph(f"✗ {winch.fault}", width, "bad", "         ")
+        further += block(f"✗ {winch.fault}", width, "bad", "         ")
     if width >= 90 and not old:
         row = (*row, Span(f"  {1e3 * (age or 0.0):4.0f} ms old", "dim"))
     return [row, *further]
@@ -115,7 +115,7 @@ def _mocap(mocap: MocapState, since: float, width: int) -> list[Line]:
         place = f"  main marker  x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m"
         rows.append(line(Span(f"{place}  OLD" if old else place, "old" if old else "")))
     counted = ", ".join(f"{count} {name}" for name, count in mocap.counters.items())
-    rows += paragraph(f"frames: {counted}" if counted else "", width, "dim", "  ")
+    rows += block(f"frames: {counted}" if counted else "", width, "dim", "  ")
     return rows
 
 
@@ -138,7 +138,7 @@ def _guards(guards: tuple[GuardState, ...], width: int) -> list[Line]:
         mark, style = GUARDS[guard.state]
         if guard.state in ("tripped", "warning"):
             says = f"guard {guard.name}: {mark} ({guard.reaction}) {guard.why}"
-            rows += paragraph(says, width, style)
+            rows += block(says, width, style)
     quiet = [guard for guard in guards if guard.state in ("armed", "disarmed")]
     columns = max(width // 38, 1)
     for begin in range(0, len(quiet), columns):

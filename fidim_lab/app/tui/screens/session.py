@@ -5,20 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fidim_lab.app.service.messages import EquilibriumState, Status
-from fidim_lab.app.tui.paint import (
-    EMPTY,
-    Line,
-    Span,
-    Style,
-    bar,
-    left,
-    line,
-    milli,
-    number,
-    paragraph,
-    right,
-    time_span,
-)
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, block, left, line, milli, number, right, time_span
 from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.screens.why import newest_check
 from fidim_lab.app.tui.view import ScreenState
@@ -84,11 +71,11 @@ def _step(view: ScreenState, status: Status, width: int) -> list[Line]:
             line("i: identify; e: explain what the model leaves out; q: leave."),
         ]
     if step is None:
-        return paragraph(_how_to_begin(status), width, "head")
+        return block(_how_to_begin(status), width, "head")
     text = step.text or step.step
     begin = f"step {step.number}, {step.phase}  "
     end = f" {100 * step.fraction:3.0f} %  {_done(status)}  left {time_span(step.left)}"
-    rows = paragraph(f"{step.window}  {text}", width, "head") or [EMPTY]
+    rows = block(f"{step.window}  {text}", width, "head") or [EMPTY]
     if len(begin) + LEAST_BAR + len(end) > width:
         drawn = bar(step.fraction, max(width - len(begin), LEAST_BAR))
         return [*rows, line(begin, Span(drawn, "good")), line(end.strip())]
@@ -103,7 +90,7 @@ def _why_it_ended(view: ScreenState, width: int) -> list[Line]:
         return []
     style: Style = "" if last.outcome == "pass" else "bad"
     said = f"{MARKS.get(last.outcome, (last.outcome, style))[0]}: {last.reason or last.text}"
-    return paragraph(said, width, style)
+    return block(said, width, style)
 
 
 def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
@@ -111,7 +98,7 @@ def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
     if view.welcome is None or all(row.state == "done" for row in status.equilibria):
         return []
     says = f"Continue with r, or: fidim resume {shlex.quote(view.welcome.folder)}"
-    return paragraph(says, width, "key")
+    return block(says, width, "key")
 
 
 def _how_to_begin(status: Status) -> str:
@@ -175,4 +162,4 @@ def _row(row: EquilibriumState, shown: Sequence[Column], width: int) -> list[Lin
         return [begin]
     if used + 2 + len(row.reason) <= width:
         return [(*begin, Span(f"  {row.reason}", "dim"))]
-    return [begin, *paragraph(row.reason, width, "dim", "      ")]
+    return [begin, *block(row.reason, width, "dim", "      ")]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from fidim_lab.app.formats.explanation_parts import EffectTable
 from fidim_lab.app.service.messages import Happening
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, paragraph, right
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, block, left, line, right
 from fidim_lab.app.tui.result_files import ResultFiles, ShownExplanation
 from fidim_lab.app.tui.screens.result import job_lines
 from fidim_lab.mismatch.conclusion.parts import Before
@@ -35,19 +35,19 @@ def why_lines(result_files: ResultFiles, width: int, job: str = "", checked: Seq
     rows = job_lines(result_files, width, job)
     if result_files.explanation is None:
         says = "Nothing is explained yet. Press e to find what the model leaves out; it takes minutes."
-        return [*rows, *paragraph(says, width, "dim"), EMPTY, *checked]
+        return [*rows, *block(says, width, "dim"), EMPTY, *checked]
     found = result_files.explanation
     verdict, style = VERDICTS.get(found.verdict, (found.verdict, ""))
     rows += [line(Span(verdict, style)), EMPTY, *_effects(found, width), EMPTY, *_before_after(found)]
     if found.where:
         rows += [EMPTY, line(Span("Where", "head"))]
         for place in found.where:
-            rows += paragraph(place.says, width, indent="  ")
+            rows += block(place.says, width, indent="  ")
     rows += [EMPTY, *_ranking(found, width)]
     if found.next_experiment:
-        rows += [EMPTY, *paragraph(f"Next: {found.next_experiment}", width, "key")]
+        rows += [EMPTY, *block(f"Next: {found.next_experiment}", width, "key")]
     rows += [EMPTY, *checked] if checked else []
-    return [*rows, EMPTY, line(Span("In full", "head")), *paragraph(found.message, width, indent="  ")]
+    return [*rows, EMPTY, line(Span("In full", "head")), *block(found.message, width, indent="  ")]
 
 
 def _before_after(found: ShownExplanation) -> list[Line]:
@@ -80,7 +80,7 @@ def _effects(found: ShownExplanation, width: int) -> list[Line]:
 def _effect(effect: EffectTable, width: int) -> list[Line]:
     place = "" if effect.cable is None else f" of cable {effect.cable}"
     alike = f" (cannot be separated from {', '.join(effect.alike)})" if effect.alike else ""
-    rows = paragraph(f"{effect.id}{place}: {effect.says}{alike}", width, "head", "  ")
+    rows = block(f"{effect.id}{place}: {effect.says}{alike}", width, "head", "  ")
     for name, parameter in effect.parameters.items():
         sd = "held" if parameter.sd is None else f"± {parameter.sd:.2g}"
         rows.append(line(f"    {left(name, 12)} {_short(parameter.value, 5)} {sd} {parameter.unit}"))
@@ -138,4 +138,4 @@ def _said(event: Happening, width: int) -> list[Line]:
     style = check_style(event)
     begin = f"{event.window}: " if event.window else ""
     mark = f"{check_mark(event)}model "
-    return paragraph(f"{mark}{begin}{event.text}", width, style)
+    return block(f"{mark}{begin}{event.text}", width, style)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.foresight import Foreseen
-from fidim_lab.app.tui.paint import Line, Span, left, line, milli, paragraph
+from fidim_lab.app.tui.paint import Line, Span, block, left, line, milli
 from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.view import ScreenState, Trace
 from fidim_lab.app.tui.widgets.plot import Curve, canvas, limits
@@ -25,7 +25,7 @@ def window_lines(view: ScreenState, width: int, height: int, foreseen: Foreseen 
         return figures
     if len(trace.t) < 2:
         says = "Nothing has been recorded since this screen was opened. Curves appear while a window is recorded."
-        return paragraph(says, width, "dim")
+        return block(says, width, "dim")
     known = foreseen if foreseen is not None and foreseen.of == (trace.window, trace.attempt) else None
     rows = [_head(view, trace, known, doubt, width)]
     left_over = residuals(trace, known)
