@@ -55,7 +55,6 @@ class Engine:
         journal: Journal,
         publish: Publisher,
         ledger: Ledger,
-        newton_per_ampere: Sequence[float],
         control: Control,
     ) -> None:
         self.pulse = Pulse()
@@ -68,7 +67,6 @@ class Engine:
         self._journal = journal
         self._publish = publish
         self._ledger = ledger
-        self._newton_per_ampere = newton_per_ampere
 
     async def run(
         self,
@@ -90,8 +88,9 @@ class Engine:
         try:
             await asyncio.wait({work, guarding, stopping}, return_when=asyncio.FIRST_COMPLETED)
             if self.pulse.trip is None:
-                # Only a trip or a bug ends the watch before it is cancelled; a bug raises here.
-                return work.result() if not guarding.done() else _watch_failed(guarding)
+                if guarding.done():
+                    guarding.result()  # only a trip or a bug ends the watch before it is cancelled: a bug raises here
+                return work.result()
         finally:
             self._control.detach()
             await self._cancel_all(hurry=not work.done())
@@ -231,12 +230,8 @@ class Engine:
             return
         pulse.told = now
         part = min(max(fraction, 0.0), 1.0)
-        tensions = tuple(
-            None if (sample := winch.latest()) is None else factor * sample.current
-            for winch, factor in zip(self._rig.winches, self._newton_per_ampere, strict=True)
-        )
         left = max(pulse.left - part * self._pace.seconds(pulse.step), 0.0)
-        self._publish(StepProgress(now, pulse.number, pulse.step, part, tensions, left))
+        self._publish(StepProgress(now, pulse.number, pulse.step, part, left))
 
     def prompted(self, window: str, prompt: Prompt) -> None:
         """A handler is about to ask."""
@@ -269,8 +264,3 @@ class Engine:
             return  # latched: the first one says why
         self.pulse.trip = trip
         self._publish(Tripped(trip.t, trip))
-
-
-def _watch_failed(guarding: "asyncio.Future[Trip]") -> ProcedureEnd:
-    """Raise what the guards' own task raised."""
-    return ProcedureEnd(Outcome.ERROR, guarding.result().says)

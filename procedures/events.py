@@ -49,8 +49,6 @@ class StepProgress:
     step: Step
     fraction: float
     """0 to 1, as far as can be known"""
-    tensions: tuple[float | None, ...]
-    """N, from the newest motor currents; None where unknown"""
     left: float
 
 

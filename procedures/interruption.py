@@ -13,7 +13,7 @@ from procedures.events import Paused, Publisher, Resumed
 from procedures.handlers.motion import hold
 from procedures.recording.journal import Journal, LineKind
 from procedures.stand import Stand
-from procedures.steps import AfterPause, Hold, Lengths, Result, Step, longest_way
+from procedures.steps import AfterPause, Hold, Lengths, Result, Step
 
 MOVED = 2e-3
 """m by which a cable may have left the length at which it was paused: more is another place than the one verified"""
@@ -111,9 +111,8 @@ class Interruption:
                 return f"{winch.name} does not report"
             if sample.state is not DriveState.OPERATION_ENABLED:
                 return f"{winch.name} is “{sample.state}”"
-            if longest_way((place,), (sample.length,)) > MOVED:
-                moved = (sample.length - place) * 1e3
-                return f"{winch.name} is {moved:+.1f} mm from where it was held, {MOVED * 1e3:g} mm is allowed"
+            if abs(moved := sample.length - place) > MOVED:
+                return f"{winch.name} is {moved * 1e3:+.1f} mm from where it was held, {MOVED * 1e3:g} mm is allowed"
         return ""
 
     def _tell(self, kind: LineKind, event: type[Paused | Resumed], step: Step, says: str) -> None:

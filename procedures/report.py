@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fidim_lab.data.records import Role
-from procedures.outcomes import Measurement, Outcome
+from procedures.outcomes import Outcome
 from procedures.stopping import StoppedWinch
 
 
@@ -19,10 +19,6 @@ class WindowRow:
     reason: str = ""
     attempts: int = 0
     """recordings made, rejected ones included"""
-    equilibrium: tuple[float, ...] = ()
-    """the main marker at rest, m"""
-    measurements: tuple[Measurement, ...] = ()
-    """of the last recording's check"""
     file: Path | None = None
     """where the accepted window lies"""
 

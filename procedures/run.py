@@ -112,7 +112,7 @@ class _Run:
             folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors, rig.gauges, disk
         )
         self._publish = Publisher([self._recorder.on_event, *listeners])
-        self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors, control)
+        self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, control)
 
     async def carry_out(self, handlers: Mapping[type[Step], Handler], guards: Sequence[Guard]) -> RunReport:
         """Perform the steps, then hold the robot; raises only after that."""

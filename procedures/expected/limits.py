@@ -9,7 +9,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,18 +30,11 @@ SLACK = 0.005
 """part of a tension limit that is forgiven: plans sit on the limit and are rounded to 0.01 mm"""
 
 
-@dataclass(frozen=True)
-class Violation:
-    """One thing that is not allowed."""
-
-    says: str
-    """a sentence without its full stop"""
-
-
 class RestLimits:
     """Where the robot may be at rest: tensions by the nominal model and cable lengths within limits.
 
-    Answers are remembered: plans, routes and the run ask the same questions.
+    What is not allowed is a sentence without its full stop. Answers are remembered: plans, routes and the run ask the
+    same questions.
     """
 
     def __init__(
@@ -51,16 +43,16 @@ class RestLimits:
         self._tension = robot.limits.tension
         self._statics = statics
         self._length_limits = length_limits
-        self._points: dict[Lengths, Violation | None] = {}
-        self._ways: dict[tuple[Lengths, Lengths], Violation | None] = {}
+        self._points: dict[Lengths, str | None] = {}
+        self._ways: dict[tuple[Lengths, Lengths], str | None] = {}
 
-    def at(self, lengths: Lengths) -> Violation | None:
+    def at(self, lengths: Lengths) -> str | None:
         """Why the robot must not rest at these lengths (m); None if it may."""
         if lengths not in self._points:
             self._points[lengths] = self._judge(lengths)
         return self._points[lengths]
 
-    def between(self, start: Lengths, end: Lengths) -> Violation | None:
+    def between(self, start: Lengths, end: Lengths) -> str | None:
         """Why the straight line between two length sets, ends included, must not be taken; None if it may."""
         key = (start, end) if start <= end else (end, start)
         if key not in self._ways:
@@ -71,36 +63,33 @@ class RestLimits:
         """Raise InfeasibleError, naming `what` is to be done, where the way is not allowed."""
         wrong = self.at(end)
         if wrong is not None:
-            raise InfeasibleError(f"{what}: {wrong.says}.", hint="Nothing was moved. Choose other lengths for it.")
+            raise InfeasibleError(f"{what}: {wrong}.", hint="Nothing was moved. Choose other lengths for it.")
         wrong = None if start is None else self.between(start, end)
         if wrong is not None:
-            raise InfeasibleError(f"{what}, on the way to it: {wrong.says}.", hint="Go there through another pose.")
+            raise InfeasibleError(f"{what}, on the way to it: {wrong}.", hint="Go there through another pose.")
 
-    def _judge(self, lengths: Lengths) -> Violation | None:
+    def _judge(self, lengths: Lengths) -> str | None:
         for cable, (length, (low, high)) in enumerate(zip(lengths, self._length_limits or (), strict=False), start=1):
             if not low <= length <= high:
-                return Violation(
-                    f"cable {cable} would be {length:.3f} m long, its winch allows {low:.3f} to {high:.3f} m"
-                )
+                return f"cable {cable} would be {length:.3f} m long, its winch allows {low:.3f} to {high:.3f} m"
         try:
             tensions = self._statics(np.array(lengths))
         except InfeasibleError as error:
-            return Violation(f"no equilibrium: {error.message.rstrip('.')}")
+            return f"no equilibrium: {error.message.rstrip('.')}"
         low, high = self._tension
         for cable, tension in enumerate(tensions, start=1):
             if not low * (1 - SLACK) <= tension <= high * (1 + SLACK):
-                return Violation(
+                return (
                     f"cable {cable} would have {tension:.1f} N by the nominal model, {low:g} to {high:g} N is allowed"
                 )
         return None
 
-    def _first_violation(self, start: Lengths, end: Lengths) -> Violation | None:
+    def _first_violation(self, start: Lengths, end: Lengths) -> str | None:
         points = max(2, 1 + round(longest_way(start, end) / SPACING))
         for part in np.linspace(0.0, 1.0, points):
-            wrong = self.at(tuple(float(a + part * (b - a)) for a, b in zip(start, end, strict=True)))
-            if wrong is not None:
-                where = " ".join(f"{a + part * (b - a):.3f}" for a, b in zip(start, end, strict=True))
-                return Violation(f"at lengths {where} m {wrong.says}")
+            here = tuple(float(a + part * (b - a)) for a, b in zip(start, end, strict=True))
+            if (wrong := self.at(here)) is not None:
+                return f"at lengths {_text(here)} m {wrong}"
         return None
 
 
@@ -124,7 +113,7 @@ def check_moves(
 def beyond_limits(step: Step, robot: Robot, workspace: RestLimits, motion: MotionSettings) -> list[str]:
     """What of a step leaves the workspace, or exceeds the limits of a winch: sentences without their full stop."""
     found = (*_wrong(step, robot, workspace), *_too_fast(step, motion))
-    return [f"window {step.window or '–'}, {step.text}: {wrong.says}" for wrong in found]
+    return [f"window {step.window or '–'}, {step.text}: {wrong}" for wrong in found]
 
 
 def check_displacements(plan: Plan, robot: Robot) -> None:
@@ -134,7 +123,7 @@ def check_displacements(plan: Plan, robot: Robot) -> None:
     """
     _refuse(
         [
-            f"window {window.id}, {wrong.says}"
+            f"window {window.id}, {wrong}"
             for window in plan.windows
             for wrong in _too_far(tuple(map(float, window.displacement)), robot)
         ]
@@ -152,7 +141,7 @@ def _refuse(found: Sequence[str]) -> None:
     )
 
 
-def _wrong(step: Step, robot: Robot, workspace: RestLimits) -> list[Violation]:
+def _wrong(step: Step, robot: Robot, workspace: RestLimits) -> list[str]:
     match step:
         case MoveTo():
             wrong = [workspace.at(step.lengths)]
@@ -169,25 +158,23 @@ def _wrong(step: Step, robot: Robot, workspace: RestLimits) -> list[Violation]:
     return [one for one in wrong if one is not None]
 
 
-def _too_fast(step: Step, motion: MotionSettings) -> list[Violation]:
+def _too_fast(step: Step, motion: MotionSettings) -> list[str]:
     """Of any step with a speed or an acceleration: a drive would refuse it in the middle of a run, or clip it."""
     asked = (
         ("speed", "m/s", motion.highest_speed),
         ("acceleration", "m/s²", motion.highest_acceleration),
     )
     return [
-        Violation(
-            f"{name} is {value:g} {unit}, "
-            + (f"the rig's winches may do up to {most:g} {unit}" if most is not None and value > 0 else "more than 0")
-        )
+        f"{name} is {value:g} {unit}, "
+        + (f"the rig's winches may do up to {most:g} {unit}" if most is not None and value > 0 else "more than 0")
         for name, unit, most in asked
         if (value := getattr(step, name, None)) is not None and not 0 < value <= (math.inf if most is None else most)
     ]
 
 
-def _too_far(displacement: Sequence[float], robot: Robot) -> list[Violation]:
+def _too_far(displacement: Sequence[float], robot: Robot) -> list[str]:
     return [
-        Violation(f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed")
+        f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed"
         for axis, wanted, allowed in zip("xy", displacement, robot.limits.free_displacement, strict=False)
         if abs(wanted) > allowed
     ]
@@ -223,7 +210,7 @@ def find_route(
                 far = way + longest_way(here, there)
                 heapq.heappush(queue, (far + longest_way(there, goal), next(order), far, (*path, there)))
     raise InfeasibleError(
-        f"No safe path from lengths {_text(start)} to {_text(goal)} m: {direct.says}.",
+        f"No safe path from lengths {_text(start)} to {_text(goal)} m: {direct}.",
         hint="Add a window between them to the plan, or start from another pose.",
     )
 

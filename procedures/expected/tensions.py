@@ -47,11 +47,6 @@ def current_for(tension: float, band: TensionBand | None) -> float:
     return tension * (1.0 + band.load_friction) + (0.0 if band.scatter is None else band.friction)
 
 
-def by_load_cell(tension: float, uncertainty: float) -> KnownTension:
-    """A load cell's mean reading (N)."""
-    return KnownTension(tension, SIGMAS * uncertainty, "load cell")
-
-
 def known_tensions(
     currents: Sequence[float],
     moved: Sequence[int],
@@ -63,7 +58,7 @@ def known_tensions(
     for cable, (tension, direction) in enumerate(zip(currents, moved, strict=True), start=1):
         reading, uncertainty = cells.get(cable, (math.nan, 0.0))
         if math.isfinite(reading):
-            found.append(by_load_cell(reading, uncertainty))
+            found.append(KnownTension(reading, SIGMAS * uncertainty, "load cell"))
         else:
             found.append(by_current(tension, direction, None if bands is None else bands[cable - 1]))
     return tuple(found)

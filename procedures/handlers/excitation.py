@@ -40,7 +40,7 @@ async def strokes(stand: Stand, step: Strokes) -> Result:
     for target in (target for chain in step.chains for target in chain.targets):
         wrong = stand.workspace.between(step.lengths, target)
         if wrong is not None:
-            return Result(Outcome.FAIL, f"a stroke would leave the robot's limits: {wrong.says}")
+            return Result(Outcome.FAIL, f"a stroke would leave the robot's limits: {wrong}")
     begin: float | None = None
     for chain in step.chains:
         await _prepare(stand, chain)

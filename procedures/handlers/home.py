@@ -7,11 +7,11 @@ import numpy as np
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import DeviceError
 from fidim_lab.model.mechanism import Mechanism
-from procedures.handlers.motion import command_all, require_alone
+from procedures.handlers.motion import command_all, configured, require_alone
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import Configure, MeasurePose, Result, SetLengths
-from procedures.timing import POLL, wait_until, within
+from procedures.timing import POLL, within
 
 FRAMES = 10
 """with all markers, at least"""
@@ -19,11 +19,7 @@ FRAMES = 10
 
 async def configure(stand: Stand, step: Configure) -> Result:
     """Configure all, and wait for samples. Values: lengths by the zeros so far, m."""
-    winches = stand.rig.winches
-    await command_all([winch.configure() for winch in winches])
-    if not await wait_until(stand.rig.clock, step.timeout, lambda: all(winch.latest() for winch in winches)):
-        silent = ", ".join(winch.name for winch in winches if winch.latest() is None)
-        raise DeviceError(silent, f"no sample within {step.timeout:g} s of configuring", hint="Check power and bus.")
+    await configured(stand, step.timeout)
     require_alone(stand)
     return Result(values=stand.lengths())
 

@@ -20,13 +20,8 @@ SLOWEST = 0.01
 async def enable(stand: Stand, step: Enable) -> Result:
     """Configure all winches, see that the robot is where it should be, then power all; wait for the first samples."""
     winches, clock = stand.rig.winches, stand.rig.clock
-    await command_all([winch.configure() for winch in winches])
+    await configured(stand, step.timeout)
     stand.progress(0.5)
-    if not await wait_until(clock, step.timeout, lambda: all(winch.latest() is not None for winch in winches)):
-        silent = [winch.name for winch in winches if winch.latest() is None]
-        raise DeviceError(
-            ", ".join(silent), f"no sample within {step.timeout:g} s of configuring", hint="Check power and bus."
-        )
     if not await wait_until(clock, step.timeout, lambda: stand.rig.markers.latest() is not None):
         raise DeviceError(
             "Motion capture", f"no frame within {step.timeout:g} s", hint="Check that it streams, and the port."
@@ -35,6 +30,15 @@ async def enable(stand: Stand, step: Enable) -> Result:
     _require_place(stand)
     await command_all([winch.enable() for winch in winches])
     return Result(values=stand.lengths())
+
+
+async def configured(stand: Stand, timeout: float) -> None:
+    """Configure all winches, without power, and wait for a sample of each. Raises DeviceError where one has none."""
+    winches = stand.rig.winches
+    await command_all([winch.configure() for winch in winches])
+    if not await wait_until(stand.rig.clock, timeout, lambda: all(winch.latest() for winch in winches)):
+        silent = ", ".join(winch.name for winch in winches if winch.latest() is None)
+        raise DeviceError(silent, f"no sample within {timeout:g} s of configuring", hint="Check power and bus.")
 
 
 def require_alone(stand: Stand) -> None:

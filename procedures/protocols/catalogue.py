@@ -29,38 +29,16 @@ CROSS_VALIDATION = 22
 """windows of the paper's Fig. 3"""
 
 
-def _identify(lab: Lab) -> Steps:
-    return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts, lab.recorded, lab.swings)
-
-
 def _excite(lab: Lab) -> Steps:
-    from procedures.protocols.excite import (
-        excite,  # scipy's optimizers: who resumes another procedure does not wait for them
-    )
+    from procedures.protocols.excite import excite  # scipy's optimizers: nobody else waits for them
 
     return excite(lab)
-
-
-def _tension_check(lab: Lab) -> Steps:
-    return tension_check(lab.plan, lab.robot, lab.settings, lab.route)
-
-
-def _home(lab: Lab) -> Steps:
-    return home(lab.plan, lab.robot, lab.settings)
-
-
-def _slack(lab: Lab) -> Steps:
-    return take_up(lab.plan, lab.robot, lab.settings)
-
-
-def _commission(lab: Lab) -> Steps:
-    return commission(lab.plan, lab.robot, lab.settings)
 
 
 def _align(lab: Lab) -> Steps:
     from procedures.protocols.align import align  # scipy, as above
 
-    return align(lab.plan, lab.robot, lab.settings, lab.route)
+    return align(lab)
 
 
 @dataclass(frozen=True)
@@ -81,21 +59,21 @@ class Listed:
 
 CATALOGUE: Mapping[str, Listed] = MappingProxyType(
     {
-        "identify": Listed("free motion about each equilibrium of the plan, recorded and judged", _identify),
+        "identify": Listed("free motion about each equilibrium of the plan, recorded and judged", identify),
         "excite": Listed("the same without a hand: the winches excite, calm and travel gently", _excite, alone=True),
         "cross-validate": Listed(
             f"the same, for windows that are not used in any fit (the paper has {CROSS_VALIDATION})",
-            _identify,
+            identify,
             Role.VALIDATE,
         ),
         "payload-mass": Listed(
             "the same with a known payload mounted: identify EMPTY --payload THIS finds the mass",
-            _identify,
+            identify,
             Role.IDENTIFY,
         ),
-        "home": Listed("the encoders' zeros, at a known or measured pose, without power", _home),
-        "take-up": Listed("slack taken up by torque, cable by cable, with the platform fixed; brakes hold it", _slack),
-        "commission": Listed("every stop of every winch, proven by trial without load (fidim commission)", _commission),
+        "home": Listed("the encoders' zeros, at a known or measured pose, without power", home),
+        "take-up": Listed("slack taken up by torque, cable by cable, with the platform fixed; brakes hold it", take_up),
+        "commission": Listed("every stop of every winch, proven by trial without load (fidim commission)", commission),
         "align": Listed("delay of motion capture against the encoders, by a move up and down", _align, alone=True),
         "compare": Listed(
             "record the plan, explain it, record the most informative windows: until the verdict is clear",
@@ -110,7 +88,7 @@ CATALOGUE: Mapping[str, Listed] = MappingProxyType(
             alone=True,
             needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
-        "tension-check": Listed("every tension at rest at each equilibrium against its limits", _tension_check),
+        "tension-check": Listed("every tension at rest at each equilibrium against its limits", tension_check),
     }
 )
 

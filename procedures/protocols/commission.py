@@ -6,14 +6,14 @@ winch, whose name it bears. What passes is a proof, which the application keeps 
 """
 
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass
 
-from drivers.ports import Prompt, PromptKind, Trial
-from fidim_lab.data.records import Plan, Robot
+from drivers.ports import Trial
 from fidim_lab.errors import SetupError
 from procedures.outcomes import Outcome, worst
+from procedures.protocols.beginning import ask_without_power
+from procedures.protocols.experiment import Lab
 from procedures.settings import Settings
-from procedures.steps import AskWithoutPower, Configure, GiveUpWithoutPower, Result, Step, Steps, Stop
+from procedures.steps import Configure, GiveUpWithoutPower, Result, Step, Steps, Stop
 from procedures.steps.commission import RUNS_ON, ProveStop
 
 TRIALS = tuple(Trial)
@@ -22,58 +22,19 @@ ONE_IS_ENOUGH = (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
 """reactions to a lost host: a drive needs one of them"""
 
 
-@dataclass(frozen=True)
-class JudgedTrials:
-    """The result of the trials of one winch."""
-
-    outcome: Outcome
-    reason: str
-
-
-def commission(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps:
+def commission(lab: Lab) -> Steps:
     """The steps. Raises SetupError for a plan that has not one window for each winch."""
-    settings = settings or Settings()
-    if len(plan.windows) != robot.n:
+    plan, settings = lab.plan, lab.settings
+    if len(plan.windows) != lab.robot.n:
         raise SetupError(f"Plan {plan.name!r} has {len(plan.windows)} windows; commissioning has one for each winch.")
-    return _commission(plan, settings)
-
-
-def judge_trials(results: Mapping[Trial, Result]) -> JudgedTrials:
-    """A winch passes where every trial that its drive can undergo has passed; of `ONE_IS_ENOUGH` one must."""
-    watched = any(results[trial].outcome.usable for trial in ONE_IS_ENOUGH if trial in results)
-    said = [
-        f"{trial}: {'no reaction, and none is needed' if _unneeded(trial, result, watched) else _told(result)}"
-        for trial, result in results.items()
-    ]
-    needed = [result.outcome for trial, result in results.items() if trial not in ONE_IS_ENOUGH]
-    tried = [outcome for outcome in needed if outcome is not Outcome.SKIPPED]
-    if not watched:
-        tried.append(Outcome.FAIL)
-        said.append("nothing stopped it when its host was lost")
-    return JudgedTrials(worst(tried), "; ".join(said))
-
-
-def _unneeded(trial: Trial, result: Result, watched: bool) -> bool:
-    """Whether a drive may leave this trial without a reaction, since it has another to a lost host."""
-    return watched and trial in ONE_IS_ENOUGH and not result.outcome.usable
-
-
-def _told(result: Result) -> str:
-    if result.outcome.usable and result.values:
-        time, way = result.values
-        return f"{time:.2f} s, {way * 1e3:.1f} mm"
-    return f"{result.outcome} ({result.reason})" if result.reason else str(result.outcome)
-
-
-def _commission(plan: Plan, settings: Settings) -> Steps:
     yield Configure()
-    if (yield _ask("", _WORD, settings, ("done", "abort"))).answer != "done":
+    if (yield ask_without_power("", _WORD, settings)).answer != "done":
         yield Stop(outcome=Outcome.ABORTED, reason="left unchanged by the operator")
         return
     outcomes: list[Outcome] = []
     for index, window in enumerate(plan.windows):
         text = _NEXT.format(window.id)
-        answer = (yield _ask(window.id, text, settings, ("done", "skip", "abort"))).answer
+        answer = (yield ask_without_power(window.id, text, settings, ("done", "skip", "abort"))).answer
         if answer == "abort":
             yield Stop(outcome=Outcome.ABORTED, reason="ended by the operator")
             return
@@ -87,6 +48,33 @@ def _commission(plan: Plan, settings: Settings) -> Steps:
     yield Configure()
     proven = sum(outcome.usable for outcome in outcomes)
     yield Stop(outcome=worst(outcomes), reason=f"{proven} of {len(outcomes)} winches stop by themselves in every trial")
+
+
+def judge_trials(results: Mapping[Trial, Result]) -> Result:
+    """A winch passes where every trial that its drive can undergo has passed; of `ONE_IS_ENOUGH` one must."""
+    watched = any(results[trial].outcome.usable for trial in ONE_IS_ENOUGH if trial in results)
+    said = [
+        f"{trial}: {'no reaction, and none is needed' if _unneeded(trial, result, watched) else _told(result)}"
+        for trial, result in results.items()
+    ]
+    needed = [result.outcome for trial, result in results.items() if trial not in ONE_IS_ENOUGH]
+    tried = [outcome for outcome in needed if outcome is not Outcome.SKIPPED]
+    if not watched:
+        tried.append(Outcome.FAIL)
+        said.append("nothing stopped it when its host was lost")
+    return Result(worst(tried), "; ".join(said))
+
+
+def _unneeded(trial: Trial, result: Result, watched: bool) -> bool:
+    """Whether a drive may leave this trial without a reaction, since it has another to a lost host."""
+    return watched and trial in ONE_IS_ENOUGH and not result.outcome.usable
+
+
+def _told(result: Result) -> str:
+    if result.outcome.usable and result.values:
+        time, way = result.values
+        return f"{time:.2f} s, {way * 1e3:.1f} mm"
+    return f"{result.outcome} ({result.reason})" if result.reason else str(result.outcome)
 
 
 def _tried(window: str, index: int, settings: Settings) -> Generator[Step, Result, dict[Trial, Result]]:
@@ -112,8 +100,3 @@ _WORD = (
     "Is there no load on any cable, the platform on its stand, nobody within reach, and the emergency stop at hand?"
 )
 _NEXT = "Next is {0}: may it wind and pay out, at low speed, without load?"
-
-
-def _ask(window: str, text: str, settings: Settings, choices: tuple[str, ...]) -> AskWithoutPower:
-    prompt = Prompt(PromptKind.CONFIRM, text, choices=choices)
-    return AskWithoutPower(window=window, prompt=prompt, estimate=settings.estimate(prompt))

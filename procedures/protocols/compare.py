@@ -27,7 +27,7 @@ ESTIMATE = 90.0
 
 def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
     """The steps; done: windows that have their verdict from an earlier process."""
-    return _compare(lab, done, WindowProtocol(lab.robot, lab.settings, lab.route, lab.attempts))
+    return _compare(lab, done, WindowProtocol(lab))
 
 
 def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:

@@ -57,7 +57,7 @@ class ExciteProtocol(WindowProtocol):
 
     def __init__(self, lab: Lab) -> None:
         check_displacements(lab.plan, lab.robot)
-        super().__init__(lab.robot, lab.settings, lab.route, lab.attempts)
+        super().__init__(lab)
         self._memory = lab.memory
         self._mechanism = self._memory.once("mechanism", lambda: Mechanism(lab.robot, native=True))
         excite = lab.settings.excite

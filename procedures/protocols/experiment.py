@@ -10,7 +10,6 @@ from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import FileError
 from procedures.expected.limits import RestLimits, Statics, beyond_limits, check_moves, find_route, way_points
 from procedures.expected.nominal_rest import NominalRest
-from procedures.protocols.identify import Route
 from procedures.protocols.listing import Outline
 from procedures.recording.resumption import Resumption
 from procedures.recording.run_folder import check_window_ids
@@ -18,6 +17,14 @@ from procedures.settings import Settings
 from procedures.steps import Lengths, Procedure, Step, Steps
 
 T = TypeVar("T")
+
+Route = Callable[[Lengths, Lengths], tuple[Lengths, ...]]
+"""(from, to) → the lengths to move to one after another, the last being `to`; raises InfeasibleError without a way"""
+
+
+def straight(_start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
+    """The direct way."""
+    return (goal,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +61,10 @@ class Lab:
 
     plan: Plan
     robot: Robot
-    settings: Settings
-    route: Route
-    attempts: Mapping[str, int]
-    """recordings that an earlier process made, by window"""
+    settings: Settings = field(default_factory=Settings)
+    route: Route = straight
+    attempts: Mapping[str, int] = field(default_factory=dict[str, int])
+    """recordings that an earlier process made, by window: numbers go on after them"""
     recorded: int = 0
     """windows to identify from that an earlier process has kept"""
     swings: bool = False
@@ -97,7 +104,7 @@ def checked_experiment(
 
     left = plan if resumption is None else resumption.left_of(plan)
     beyond = partial(beyond_limits, robot=robot, workspace=workspace, motion=settings.motion)
-    lab = Lab(left, robot, settings, route, {}, beyond=beyond)
+    lab = Lab(left, robot, settings, route, beyond=beyond)
     if resumption is not None:
         lab = replace(lab, attempts=resumption.attempts, recorded=resumption.recorded, swings=resumption.swings)
     procedure: Procedure = partial(make, lab)

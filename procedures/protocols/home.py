@@ -10,11 +10,12 @@ from collections.abc import Generator
 
 import numpy as np
 
-from drivers.ports import Prompt, PromptKind
-from fidim_lab.data.records import Plan, PlannedWindow, Robot
+from fidim_lab.data.records import PlannedWindow, Robot
 from fidim_lab.errors import SetupError
 from fidim_lab.model.mechanism import Mechanism
 from procedures.outcomes import Outcome
+from procedures.protocols.beginning import ask_without_power, only_place
+from procedures.protocols.experiment import Lab
 from procedures.protocols.take_up import ask_for_motion, power_taken, taken_up
 from procedures.settings import HomeSettings, Settings
 from procedures.steps import (
@@ -33,18 +34,15 @@ ENOUGH_MARKERS = 3
 """not on one line: fewer leave the pose open"""
 
 
-def home(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps:
+def home(lab: Lab) -> Steps:
     """The steps.
 
     Raises SetupError for a plan with more than one window, or for markers that do not tell a pose.
     """
-    settings = settings or Settings()
-    if len(plan.windows) != 1:
-        raise SetupError(f"Plan {plan.name!r} has {len(plan.windows)} windows; homing is done at one place.")
-    (place,) = plan.windows
-    if settings.home.by_markers:
-        _require_markers(robot)
-    return _home(place, robot, settings)
+    place = only_place(lab.plan, "homing is done")
+    if lab.settings.home.by_markers:
+        _require_markers(lab.robot)
+    return _home(place, lab.robot, lab.settings)
 
 
 def known_lengths(place: PlannedWindow, robot: Robot) -> Lengths:
@@ -98,8 +96,7 @@ def _ask(place: PlannedWindow, settings: Settings) -> AskWithoutPower:
     else:
         cables = "" if slack else ", with all cables taut"
         text = f"Is the platform exactly at the known place (main marker at {where} m){cables}?"
-    prompt = Prompt(PromptKind.CONFIRM, text, choices=("done", "abort"))
-    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.estimate(prompt))
+    return ask_without_power(place.id, text, settings)
 
 
 def _require_markers(robot: Robot) -> None:

@@ -4,19 +4,19 @@ For each window: move – settle (measured) – hold – read encoders – check
 until the hand is away – record – check – accept, or record again. A rejected window is kept aside and recorded anew.
 """
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator
 from contextlib import suppress
 from functools import partial
 
 from drivers.ports import Prompt, PromptKind
-from fidim_lab.data.records import Plan, PlannedWindow, Robot
+from fidim_lab.data.records import PlannedWindow
 from fidim_lab.errors import InfeasibleError
 from procedures.control import Intervention, Retried, Skipped
 from procedures.outcomes import Outcome
-from procedures.protocols.beginning import begin, compared
+from procedures.protocols.beginning import begin, compared, settling
 from procedures.protocols.displacing import displace, free
 from procedures.protocols.enough import windows_of
-from procedures.settings import Settings
+from procedures.protocols.experiment import Lab
 from procedures.steps import (
     SLIPPED,
     Accept,
@@ -32,7 +32,6 @@ from procedures.steps import (
     Record,
     Reject,
     Result,
-    Settle,
     Step,
     Steps,
     Stop,
@@ -42,34 +41,15 @@ from procedures.steps import (
 NOISE_JUMP = 15.0
 """standard deviations of a marker's noise: its second differences have √6 of them, for each coordinate"""
 
-Route = Callable[[Lengths, Lengths], tuple[Lengths, ...]]
-"""(from, to) → the lengths to move to one after another, the last being `to`; raises InfeasibleError without a way"""
 
-
-def straight(_start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
-    """The direct way."""
-    return (goal,)
-
-
-def identify(
-    plan: Plan,
-    robot: Robot,
-    settings: Settings | None = None,
-    route: Route = straight,
-    made: Mapping[str, int] | None = None,
-    recorded: int = 0,
-    swings: bool = False,
-) -> Steps:
+def identify(lab: Lab) -> Steps:
     """The steps of the protocol for a plan.
 
-    made: attempts that an earlier run, which this one continues, has made at a window: numbers go on after them.
-    recorded: windows to identify from that it has kept. swings: it has not seen the platform at rest again.
     A person's skip or retry (`Skipped`, `Retried`) concerns the present window.
-    Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
+    Raises InfeasibleError (from `Lab.route`) where no safe way to an equilibrium is known.
     """
-    protocol = WindowProtocol(robot, settings or Settings(), route, made or {})
-    at = yield from begin(robot.n, protocol.settings)
-    yield from windows_of(plan, protocol, at, recorded, swings)
+    at = yield from begin(lab.robot.n, lab.settings)
+    yield from windows_of(lab.plan, WindowProtocol(lab), at, lab.recorded, lab.swings)
 
 
 class WindowProtocol:
@@ -77,11 +57,11 @@ class WindowProtocol:
 
     attended: bool = True
 
-    def __init__(self, robot: Robot, settings: Settings, route: Route, made: Mapping[str, int]) -> None:
-        self.robot = robot
-        self.settings = settings
-        self._route = route
-        self.made = dict(made)
+    def __init__(self, lab: Lab) -> None:
+        self.robot = lab.robot
+        self.settings = lab.settings
+        self._route = lab.route
+        self.made = dict(lab.attempts)
         """recordings made so far, by window"""
 
     def window(
@@ -168,16 +148,9 @@ class WindowProtocol:
 
     def settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
         """The measured rest, or None where the window is given up."""
-        motion = self.settings.motion
-        step = Settle(
-            window=planned.id,
-            tolerance=motion.settle_tolerance,
-            over=motion.settle_over,
-            timeout=motion.settle_timeout,
-            steadied=self.settings.steady_estimate,
-        )
+        step = settling(planned.id, self.settings, steadied=self.settings.steady_estimate)
         result = yield step
-        for _ in range(motion.settle_tries - 1):
+        for _ in range(self.settings.motion.settle_tries - 1):
             if result.outcome.usable:
                 return result
             answer = yield from self.steady(planned, f"{result.reason} Bring the platform to rest.")

@@ -5,29 +5,23 @@ By itself, or before homing (`Settings.home.taut`). The plan has one window, who
 
 from collections.abc import Generator
 
-from drivers.ports import Prompt, PromptKind
-from fidim_lab.data.records import Plan, PlannedWindow, Robot
-from fidim_lab.errors import SetupError
+from fidim_lab.data.records import PlannedWindow, Robot
 from procedures.outcomes import Outcome
+from procedures.protocols.beginning import ask_without_power, only_place
+from procedures.protocols.experiment import Lab
 from procedures.settings import Settings
 from procedures.steps import AskWithoutPower, Configure, GiveUpWithoutPower, Result, Step, Steps
 from procedures.steps.taut import TakePower, TakeUp
 
 
-def take_up(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps:
+def take_up(lab: Lab) -> Steps:
     """The steps. Raises SetupError for a plan with more than one window."""
-    settings = settings or Settings()
-    if len(plan.windows) != 1:
-        raise SetupError(f"Plan {plan.name!r} has {len(plan.windows)} windows; slack is taken up at one place.")
-    return _take_up(plan.windows[0], robot, settings)
-
-
-def _take_up(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
+    place, settings = only_place(lab.plan, "slack is taken up"), lab.settings
     yield Configure(window=place.id)
     if (yield ask_for_motion(place, settings)).answer != "done":
         yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left unchanged by the operator")
         return
-    taken = yield from taken_up(place, robot, settings)
+    taken = yield from taken_up(place, lab.robot, settings)
     held = yield power_taken(place, settings)
     worse = held if not held.outcome.usable else taken
     said = ", ".join(f"{way * 1e3:.0f}" for way in taken.values)
@@ -54,5 +48,4 @@ def ask_for_motion(place: PlannedWindow, settings: Settings) -> AskWithoutPower:
         "The winches will wind slack cable, one after another, until each is taut. Is the platform fixed in its jig or "
         "on its stand, nobody within reach of cables and drums, and the emergency stop at hand?"
     )
-    prompt = Prompt(PromptKind.CONFIRM, text, choices=("done", "abort"))
-    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.estimate(prompt))
+    return ask_without_power(place.id, text, settings)

@@ -5,29 +5,27 @@ For a new robot, or after a cable was changed: an hour before an identification,
 
 from collections.abc import Generator
 
-from fidim_lab.data.records import Plan, Robot
+from fidim_lab.data.records import Robot
 from procedures.control import Retried, Skipped
 from procedures.outcomes import Outcome
-from procedures.protocols.beginning import begin, compared
-from procedures.protocols.identify import Route, straight
+from procedures.protocols.beginning import begin, compared, settling
+from procedures.protocols.experiment import Lab
+from procedures.protocols.identify import WindowProtocol
 from procedures.settings import Settings
-from procedures.steps import CheckTension, GiveUp, Hold, Lengths, MoveTo, Note, Result, Settle, Step, Steps
+from procedures.steps import CheckTension, GiveUp, Hold, Note, Result, Step, Steps
 
 
-def tension_check(plan: Plan, robot: Robot, settings: Settings | None = None, route: Route = straight) -> Steps:
-    """The steps. Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
+def tension_check(lab: Lab) -> Steps:
+    """The steps. Raises InfeasibleError (from `Lab.route`) where no safe way to an equilibrium is known.
 
     Every place gets its verdict; one whose tensions are wrong does not end the run, the limits of the guards do.
     """
-    settings = settings or Settings()
-    at = yield from begin(robot.n, settings)
-    for planned in plan.windows:
-        goal = tuple(float(length) for length in planned.lengths)
+    protocol = WindowProtocol(lab)
+    at = yield from begin(lab.robot.n, lab.settings)
+    for planned in lab.plan.windows:
         try:
-            for lengths in route(at, goal) if at else (goal,):
-                yield _move(planned.id, at, lengths, goal, settings)
-                at = lengths
-            result = yield from _rest(planned.id, robot, settings)
+            at = yield from protocol.go(planned, at)
+            result = yield from _rest(planned.id, lab.robot, lab.settings)
         except (Skipped, Retried) as word:
             yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason=word.reason)
             at = (yield Hold(window=planned.id)).values
@@ -36,30 +34,15 @@ def tension_check(plan: Plan, robot: Robot, settings: Settings | None = None, ro
 
 
 def _rest(window: str, robot: Robot, settings: Settings) -> Generator[Step, Result, Result]:
-    motion, tension = settings.motion, settings.tension
-    settled = yield Settle(
-        window=window, tolerance=motion.settle_tolerance, over=motion.settle_over, timeout=motion.settle_timeout
-    )
+    settled = yield settling(window, settings)
     if not settled.outcome.usable:
         yield Note(window=window, remark=f"measured although the platform moves: {settled.reason}")
     yield Hold(window=window)
     if settled.outcome.usable:
         yield from compared(window, settled.values, settings)
+    tension = settings.tension
     return (
         yield CheckTension(window=window, limits=robot.limits.tension, tolerance=tension.tolerance, over=tension.over)
-    )
-
-
-def _move(window: str, start: Lengths, lengths: Lengths, goal: Lengths, settings: Settings) -> MoveTo:
-    motion = settings.motion
-    return MoveTo(
-        window=window,
-        lengths=lengths,
-        start=start or None,
-        speed=motion.speed,
-        acceleration=motion.acceleration,
-        tolerance=motion.position_tolerance,
-        way_point=lengths != goal,
     )
 
 

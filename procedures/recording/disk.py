@@ -26,10 +26,6 @@ def sync(path: Path) -> None:
 
 async def settled(disk: Disk) -> None:
     """Wait until all that was given to the disk is there. Raises HardwareError where any of it is not."""
-    await disk.do(_nothing)
+    await disk.do(lambda: None)
     if disk.error is not None:
         raise HardwareError(disk.error)
-
-
-def _nothing() -> None:
-    pass

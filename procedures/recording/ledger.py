@@ -8,7 +8,7 @@ from fidim_lab.data.records import Role
 from procedures.events import WindowFinished
 from procedures.outcomes import Outcome, worst
 from procedures.report import WindowRow
-from procedures.steps import Accept, CheckWindow, GiveUp, Record, Result, Step
+from procedures.steps import Accept, GiveUp, Record, Result, Step
 
 
 class Ledger:
@@ -56,13 +56,9 @@ class Ledger:
         match step:
             case Record():
                 self._rows[row.id] = replace(row, attempts=step.attempt)
-            case CheckWindow():
-                self._rows[row.id] = replace(row, measurements=result.measurements)
             case Accept():
                 file = self._folder / "windows" / f"{row.id}.csv"
-                self._rows[row.id] = replace(
-                    row, outcome=result.outcome, reason=result.reason, equilibrium=step.equilibrium, file=file
-                )
+                self._rows[row.id] = replace(row, outcome=result.outcome, reason=result.reason, file=file)
             case GiveUp():
                 self._rows[row.id] = replace(row, outcome=result.outcome, reason=result.reason)
             case _:

@@ -135,7 +135,6 @@ def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
             outcome=said.outcome if said is not None and said.step == "Accept" else Outcome.MARGINAL,
             reason=said.reason if said is not None else "accepted at the moment the run was interrupted",
             attempts=attempts.get(entry.id, 1),
-            equilibrium=entry.equilibrium or (),
             file=folder / entry.file,
         )
     for window, said in verdicts.items():

@@ -12,6 +12,7 @@ from fidim_lab.errors import OurBugError
 from procedures.events import Prompted, Publisher
 from procedures.operators import ConsoleOperator
 from procedures.outcomes import Measurement, Outcome, worst
+from procedures.protocols.experiment import Lab
 from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline
 from procedures.recording.recorder import Recorder
@@ -70,7 +71,7 @@ def test_travel_time_of_triangle_and_trapezium(way, seconds):
 
 
 def test_the_list_is_printed_without_hardware(lab, irma4):
-    outline = Outline(lambda: identify(lab.plan, irma4))
+    outline = Outline(lambda: identify(Lab(lab.plan, irma4)))
     text = outline.text()
     assert outline.windows == ("i01", "i02")
     first = text.splitlines()[0]
@@ -84,7 +85,7 @@ def test_the_list_is_printed_without_hardware(lab, irma4):
 
 
 def test_time_left_falls_with_each_planned_step_and_is_whole_at_the_first(lab, irma4):
-    outline = Outline(lambda: identify(lab.plan, irma4))
+    outline = Outline(lambda: identify(Lab(lab.plan, irma4)))
     left = [sum(outline.left_from(step).values()) for step in outline.steps]
     assert left[0] == pytest.approx(outline.seconds)
     assert left == sorted(left, reverse=True)

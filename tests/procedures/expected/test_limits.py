@@ -13,6 +13,7 @@ from fidim_lab.model.mechanism import Mechanism
 from procedures.expected import NominalRest
 from procedures.expected.limits import RestLimits, check_moves, find_route
 from procedures.protocols import catalogue
+from procedures.protocols.experiment import Lab
 from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline
 from procedures.settings import MotionSettings, Settings
@@ -57,7 +58,7 @@ def plan_of(*sets, displacement=(0.03, 0.01)):
 def test_a_slack_cable_on_the_way_is_found_though_both_ends_are_good(walled):
     assert walled.at(LEFT) is None
     assert walled.at(RIGHT) is None
-    assert "cable 2 would have 5.0 N by the nominal model, 20 to 200 N is allowed" in walled.between(LEFT, RIGHT).says
+    assert "cable 2 would have 5.0 N by the nominal model, 20 to 200 N is allowed" in walled.between(LEFT, RIGHT)
 
 
 def test_a_route_leads_around(walled):
@@ -98,7 +99,7 @@ def test_the_shortest_of_several_ways_is_taken(walled):
 
 def test_lengths_beyond_a_winch_are_refused(irma4):
     workspace = RestLimits(irma4, wall, [(0.5, 2.0), (0.5, 2.0), (0.5, 1.3), (0.5, 2.0)])
-    assert "cable 3 would be 1.400 m long, its winch allows 0.500 to 1.300 m" in workspace.at(LEFT).says
+    assert "cable 3 would be 1.400 m long, its winch allows 0.500 to 1.300 m" in workspace.at(LEFT)
 
 
 def test_every_wrong_step_is_named(irma4):
@@ -155,7 +156,7 @@ def test_table_2_is_feasible_by_a_detour_that_the_nominal_model_asks_for(irma4):
     workspace = RestLimits(irma4, NominalRest(irma4).tensions)
     wrong = [k for k, (a, b) in enumerate(itertools.pairwise(sets), start=1) if workspace.between(a, b)]
     assert wrong == [4]
-    moves = [s for s in Outline(partial(identify, plan_of(*sets), irma4)).steps if isinstance(s, MoveTo)]
+    moves = [s for s in Outline(partial(identify, Lab(plan_of(*sets), irma4))).steps if isinstance(s, MoveTo)]
     assert len(moves) == 12  # without a router: straight
     way = find_route(workspace, sets[3], sets[4], lambda: sets)
     assert len(way) == 2

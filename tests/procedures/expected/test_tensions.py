@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.ports import GaugeReading
-from procedures.expected.tensions import by_current, by_load_cell, known_tensions, measured
+from procedures.expected.tensions import by_current, known_tensions, measured
 from procedures.outcomes import Outcome
 from procedures.recording.journal import read_journal
 from procedures.settings import TensionBand
@@ -38,7 +38,7 @@ def test_a_band_as_a_whole_and_none():
     [(17.9, "fail"), (18.1, "marginal"), (21.9, "marginal"), (22.1, "pass"), (197.9, "pass"), (199.0, "marginal")],
 )
 def test_certainly_within_the_limits(value, outcome):
-    assert measured(1, by_load_cell(value, 1.0), LIMITS, 0.1).outcome == Outcome(outcome)
+    assert measured(1, *known_tensions([0.0], [0], None, {1: (value, 1.0)}), LIMITS, 0.1).outcome == Outcome(outcome)
 
 
 def test_without_a_band_the_tolerance_counts():

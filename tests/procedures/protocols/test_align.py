@@ -21,6 +21,7 @@ from fidim_lab.model.mechanism import Mechanism
 from procedures.outcomes import Outcome
 from procedures.protocols.align import align
 from procedures.protocols.catalogue import experiment
+from procedures.protocols.experiment import Lab
 from procedures.run import run_procedure
 from procedures.settings import AlignSettings, MotionSettings, Settings
 from sim_backends import laboratory
@@ -105,8 +106,8 @@ def test_it_is_kept_beside_the_rig_and_refused_for_another_motion_capture(jogged
 
 def test_one_place_with_room(irma4):
     with pytest.raises(SetupError, match="has 2 windows"):
-        align(Plan("two", (PLACE, replace(PLACE, id="a02"))), irma4)
+        align(Lab(Plan("two", (PLACE, replace(PLACE, id="a02"))), irma4))
     with pytest.raises(InfeasibleError):
-        align(PLAN, irma4, replace(SETTINGS, align=AlignSettings(amplitude=0.4)))
+        align(Lab(PLAN, irma4, replace(SETTINGS, align=AlignSettings(amplitude=0.4))))
     with pytest.raises(SetupError, match=r"show 0\.0 mm of this jog twice"):
-        align(PLAN, irma4, replace(SETTINGS, align=AlignSettings(amplitude=1e-5)))
+        align(Lab(PLAN, irma4, replace(SETTINGS, align=AlignSettings(amplitude=1e-5))))

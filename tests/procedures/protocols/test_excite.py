@@ -23,7 +23,6 @@ from procedures.protocols import calming, excite
 from procedures.protocols.catalogue import experiment, never_asks
 from procedures.protocols.enough import windows_of
 from procedures.protocols.experiment import Lab
-from procedures.protocols.identify import straight
 from procedures.protocols.listing import Outline
 from procedures.report import RunReport
 from procedures.run import run_procedure
@@ -237,7 +236,7 @@ def swung(step, amplitudes) -> Result:
 
 def protocol_of(robot: Robot, plan: Plan, recorded: int = 0) -> excite.ExciteProtocol:
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
-    return excite.ExciteProtocol(Lab(plan, robot, settings, straight, {}, recorded))
+    return excite.ExciteProtocol(Lab(plan, robot, settings, recorded=recorded))
 
 
 def never_calm(after: type) -> Player:

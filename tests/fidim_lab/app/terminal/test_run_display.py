@@ -32,7 +32,7 @@ EVENTS: tuple[Event, ...] = (
     StepFinished(2.0, 1, TENSIONS, Result(values=(34.4, 71.2, 90.6)), 128.0),
     Prompted(3.0, "i01", PROMPT),
     StepStarted(9.0, 3, RECORD, 122.0),
-    StepProgress(14.0, 3, RECORD, 0.5, (30.0, None, 90.0), 117.0),
+    StepProgress(14.0, 3, RECORD, 0.5, 117.0),
     WindowFinished(19.0, "i01", Outcome.MARGINAL, "a tension was low", 1, 2),
 )
 
