@@ -27,7 +27,7 @@ class MalformedLine:
 
 def encode(message: Message) -> bytes:
     """One line."""
-    return message.model_dump_json(exclude_defaults=False).encode() + b"\n"
+    return message.model_dump_json().encode() + b"\n"
 
 
 class LineDecoder(Generic[M]):

@@ -162,4 +162,4 @@ class Request(Message):
 
 ToService = Annotated[Hello | Request, Field(discriminator="type")]
 
-TO_SERVICE: TypeAdapter[Hello | Request] = TypeAdapter(ToService)
+TO_SERVICE: TypeAdapter[ToService] = TypeAdapter(ToService)

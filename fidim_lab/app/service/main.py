@@ -152,9 +152,11 @@ async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -
         says = f"{known} windows are judged, {planned - known} remain"
         service.event_log.note(kind="resumed", reason=says)
     check = ModelCheck(work.spec.out, len(work.experiment.roles), partial(_tell_checked, service))
-    proofs = _proof_keeper(work, service, disk)
+    spec, warn = work.spec, service.event_log.warn
+    alignments = AlignmentKeeper(work.file, spec.out, wall_time, warn, disk)
+    proofs = ProofKeeper(work.file, work.winches, spec.out, spec.by, wall_time, warn, disk)
     handlers = {**HANDLERS, Explain: explain_step}
-    unattended = work.spec.unattended
+    unattended = spec.unattended
     if unattended is not None and unattended.quiet_hours is not None:
         says = partial(service.event_log.note, kind="paused")
         handlers[MoveTo] = QuietMove(unattended.quiet_hours, local_time, lambda text: says(reason=text))
@@ -164,7 +166,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -
             service.rig,
             work.spec.out,
             wall_time=wall_time,
-            listeners=(logs.on_event, *service.listeners(), check, _keeper(work, service, disk), proofs),
+            listeners=(logs.on_event, *service.listeners(), check, alignments, proofs),
             guards=guards,
             handlers=handlers,
             control=service.control,
@@ -187,21 +189,6 @@ async def _ended(work: Work, service: Service, logs: RunRecords, check: ModelChe
         with suppress(OSError, HardwareError):  # a full disk: the journal has said so
             await disk.do(lambda: write_summary(work.spec.out, report))
     await logs.closed()  # writes the manifest, of all that is there
-
-
-def _keeper(work: Work, service: Service, disk: Disk) -> AlignmentKeeper:
-    def tell(says: str) -> None:
-        service.event_log.note(kind="guard-warned", reason=says)
-
-    return AlignmentKeeper(work.file, work.spec.out, wall_time, tell, disk)
-
-
-def _proof_keeper(work: Work, service: Service, disk: Disk) -> ProofKeeper:
-    def tell(says: str) -> None:
-        service.event_log.note(kind="guard-warned", reason=says)
-
-    spec = work.spec
-    return ProofKeeper(work.file, work.winches, spec.out, spec.by, wall_time, tell, disk)
 
 
 def _tell_checked(service: Service, checked: Looked) -> None:

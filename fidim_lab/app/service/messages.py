@@ -310,6 +310,4 @@ ToClient = Annotated[
     Field(discriminator="type"),
 ]
 
-TO_CLIENT: TypeAdapter[
-    Welcome | Happening | History | Status | Question | PromptClosed | Samples | Answer | Refusal | Bye
-] = TypeAdapter(ToClient)
+TO_CLIENT: TypeAdapter[ToClient] = TypeAdapter(ToClient)

@@ -29,8 +29,8 @@ class PromptBoard:
         self,
         clock: Clock,
         tell: Callable[[Message], None],
-        defaults: Mapping[PromptKind, DefaultAnswer] | None = None,
-        hand: Operator | None = None,
+        defaults: Mapping[PromptKind, DefaultAnswer],
+        hand: Operator | None,
     ) -> None:
         self.question: Question | None = None
         """the open one"""
@@ -38,7 +38,7 @@ class PromptBoard:
         """that prompts belong to, as the engine has told"""
         self._clock = clock
         self._tell = tell
-        self._defaults = dict(defaults or {})
+        self._defaults = defaults
         self._hand = hand
         self._number = 0
         self._answer: asyncio.Future[tuple[str, str]] | None = None

@@ -60,6 +60,10 @@ class EventLog:
         self._keep(happening.model_dump_json(exclude_defaults=True).encode())
         self._tell(happening)
 
+    def warn(self, says: str) -> None:
+        """Take a warning that no guard gives."""
+        self.note(kind="guard-warned", reason=says)
+
     def _keep(self, event: bytes) -> None:
         self._events.append(event)
         self._size += len(event)

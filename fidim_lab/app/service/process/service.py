@@ -13,8 +13,6 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from drivers.canbus.load import frame_bits
-from drivers.canbus.transport import CanFrame
 from drivers.ports import Clock, PromptKind
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import Request
@@ -30,7 +28,7 @@ from fidim_lab.app.service.process.session import ServerSession
 from fidim_lab.app.service.process.status import Gauges, Watcher
 from fidim_lab.app.service.process.stop_keeper import StopKeeper
 from fidim_lab.data.rigs.stop_file import Stopped
-from fidim_lab.errors import FidimError
+from fidim_lab.errors import FidimError, HardwareError
 from procedures.control import Control
 from procedures.events import Event, Prompted, RunFinished
 from procedures.guards.robot_guards import standard_guards
@@ -45,12 +43,10 @@ LONELY = 120.0
 """s after which a service that nobody has started, and at which nobody looks, ends"""
 LOOK = 0.05
 """s"""
-
 GRACE = 0.3
 """s at the end for what was said to reach those who read"""
 EXIT_UNUSED = 1
-HARDWARE = 3
-"""exit code: a winch has moved after the run"""
+"""exit code: no run was started"""
 
 Carry = Callable[["Service"], Awaitable[RunReport]]
 """carries the run out with the service's rig, listeners and control"""
@@ -67,23 +63,6 @@ class Identity:
     """the file that keeps its emergency stop; None: none is kept"""
 
 
-class BusCounter:
-    """Frames and bits that passed; told by the bus's thread."""
-
-    def __init__(self) -> None:
-        self.frames = 0
-        self.bits = 0.0
-
-    def __call__(self, frame: CanFrame) -> None:
-        """One frame."""
-        self.frames += 1
-        self.bits += frame_bits(len(frame.data))
-
-    def counts(self) -> tuple[int, float]:
-        """Both."""
-        return self.frames, self.bits
-
-
 class Service:
     """One rig, one run at a time. `serve` on the loop that the rig's drivers run on."""
 
@@ -93,7 +72,7 @@ class Service:
         opened: Opened,
         identity: Identity,
         rows: Sequence[WindowRow],
-        answers: Mapping[PromptKind, DefaultAnswer] | None = None,
+        answers: Mapping[PromptKind, DefaultAnswer],
     ) -> None:
         robot, settings = experiment.robot, experiment.settings
         factors = [winch.newton_per_ampere for winch in robot.winches or ()]
@@ -107,9 +86,8 @@ class Service:
         self.rig = replace(opened.rig, operator=self.board)
         self.event_log = EventLog(self.clock.now, wall_time, self.hub.tell)
         self.watcher = Watcher(rows, robot.limits.tension)
-        counter = BusCounter()
-        opened.tap(counter)
-        gauges = Gauges(self.rig, robot, factors, settings.motion.length_limits, counter.counts, opened.bitrate)
+        gauges = Gauges(self.rig, robot, factors, settings.motion.length_limits, opened.bitrate)
+        opened.tap(gauges.bus_frame)
         self._turn = Turn(self.clock)
         self._helpers: list[asyncio.Future[None]] = []
         self._after = ""
@@ -138,11 +116,11 @@ class Service:
                 if not self.identity.stay:
                     break
         except BaseException:
-            code = 3 if self.watcher.report is None else self.watcher.report.exit_code
+            code = HardwareError.exit_code if self.watcher.report is None else self.watcher.report.exit_code
             raise
         finally:
             self.hub.tell(self.broadcast.status())
-            code = code if not self._after else HARDWARE
+            code = HardwareError.exit_code if self._after else code  # a winch has moved after the run
             self.hub.tell(Bye(says=self._last_words(), exit_code=code))
             for helper in helpers:
                 helper.cancel()
@@ -168,12 +146,7 @@ class Service:
         path = self.identity.stopped
         if path is None:
             return None
-        loop = asyncio.get_running_loop()
-
-        def says(text: str) -> None:
-            loop.call_soon_threadsafe(partial(self.event_log.note, kind="guard-warned", reason=text))
-
-        return StopKeeper(path, says)
+        return StopKeeper(path, partial(asyncio.get_running_loop().call_soon_threadsafe, self.event_log.warn))
 
     # what the hub asks
 

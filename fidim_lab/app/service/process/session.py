@@ -1,20 +1,13 @@
 """One client's conversation without I/O: hello first, then commands.
 
-`receive` takes bytes and gives what the client asks for (`add` and `next`: one thing at a time); `send` gives bytes.
-`Lease` says who may command.
+`add` takes bytes, `next` gives what the client asks for, one thing at a time. `Lease` says who may command.
 """
 
 import hmac
 from enum import Enum
 
-from fidim_lab.app.service.codec import LineDecoder, MalformedLine, encode
-from fidim_lab.app.service.commands import (
-    PROTOCOL,
-    TO_SERVICE,
-    Hello,
-    Message,
-    Request,
-)
+from fidim_lab.app.service.codec import LineDecoder, MalformedLine
+from fidim_lab.app.service.commands import PROTOCOL, TO_SERVICE, Hello, Request
 from fidim_lab.app.service.messages import Refusal
 
 
@@ -41,17 +34,15 @@ class ServerSession:
         """For journals and other clients' screens."""
         return f"{self.hello.client or 'client'} #{self.number}"
 
-    def receive(self, data: bytes) -> list[Hello | Request | Refusal]:
-        """What the client says: an accepted `Hello` once, then `Request`s; a `Refusal` is to be sent, then closed."""
-        self.add(data)
-        return list(iter(self.next, None))
-
     def add(self, data: bytes) -> None:
         """Take bytes."""
         self._decoder.add(data)
 
     def next(self) -> Hello | Request | Refusal | None:
-        """The next thing that the client says; None until there is more."""
+        """What the client says next: an accepted `Hello` once, then `Request`s; None until there is more.
+
+        A `Refusal` is to be sent; the conversation is then closed.
+        """
         message = None if self.stage is ConversationStage.CLOSED else self._decoder.next()
         if message is None:
             return None
@@ -64,10 +55,6 @@ class ServerSession:
     def waits(self) -> bool:
         """Whether something that was said has not been taken yet."""
         return self.stage is not ConversationStage.CLOSED and self._decoder.waits
-
-    def send(self, message: Message) -> bytes:
-        """The bytes of a message."""
-        return encode(message)
 
     def _take(self, message: Hello | Request | MalformedLine) -> Hello | Request | Refusal:
         match message:

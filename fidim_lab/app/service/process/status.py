@@ -1,13 +1,15 @@
 """What is told ten times a second: one `Status` from what the devices say and what the run has told.
 
-`Watcher` listens to the run and keeps what a screen shows of it; `Reporter` makes the messages.
+`Watcher` listens to the run and keeps what a screen shows of it; `Gauges` has what the devices say, as messages.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from drivers.canbus.load import frame_bits
+from drivers.canbus.transport import CanFrame
 from drivers.ports import MarkerFrame, Rig, WinchSample
 from fidim_lab.app.service.messages import (
     BusState,
@@ -48,7 +50,6 @@ class _Row:
     """What a screen shows of one window."""
 
     row: WindowRow
-    attempts: int = 0
     margin: float | None = None
     amplitude: float | None = None
 
@@ -57,7 +58,7 @@ class Watcher:
     """A listener of the run that keeps its present state."""
 
     def __init__(self, rows: Sequence[WindowRow], limits: tuple[float, float]) -> None:
-        self._rows = {row.id: _Row(row, row.attempts) for row in rows}
+        self._rows = {row.id: _Row(row) for row in rows}
         self._limits = limits
         self._warnings: dict[str, str] = {}
         self._tripped: tuple[str, str] = ("", "")
@@ -77,7 +78,7 @@ class Watcher:
             case StepFinished():
                 self._finished(event)
             case WindowFinished():
-                added = _Row(WindowRow(event.window, event.role), event.attempts)  # the procedure may add windows
+                added = _Row(WindowRow(event.window, event.role, attempts=event.attempts))  # by the procedure
                 row = self._rows.get(event.window, added)
                 known = replace(row.row, outcome=event.outcome, reason=event.reason)
                 self._rows[event.window] = replace(row, row=known)
@@ -124,7 +125,8 @@ class Watcher:
         )
         self.recording = (step.window, step.attempt) if isinstance(step, Record) else ("", 0)
         if isinstance(event, StepStarted) and isinstance(step, Record) and step.window in self._rows:
-            self._rows[step.window] = replace(self._rows[step.window], attempts=step.attempt)
+            row = self._rows[step.window]
+            self._rows[step.window] = replace(row, row=replace(row.row, attempts=step.attempt))
 
     def _finished(self, event: StepFinished) -> None:
         row = self._rows.get(event.step.window)
@@ -147,14 +149,14 @@ class Watcher:
             state="done" if done else "current" if current else "waiting",
             verdict=row.row.outcome.value if done else "",
             reason=row.row.reason,
-            attempts=row.attempts,
+            attempts=row.row.attempts,
             margin=row.margin,
             amplitude=row.amplitude,
         )
 
 
 class Gauges:
-    """What the devices say, as messages. Counts frames of markers and bus while it is told of them."""
+    """What the devices say, as messages. Counts frames of markers and bus, which it is told of."""
 
     def __init__(
         self,
@@ -162,19 +164,24 @@ class Gauges:
         robot: Robot,
         newton_per_ampere: Sequence[float],
         length_limits: Sequence[tuple[float, float]] | None,
-        frames_bits: Callable[[], tuple[int, float]] | None = None,
-        bitrate: float = 0.0,
+        bitrate: float,
     ) -> None:
-        """frames_bits: frames and bits on the bus so far, None without a bus that counts."""
+        """bitrate: of the bus, bit/s; 0 where nothing limits it."""
         self._rig = rig
         self._robot = robot
         self._factors = tuple(newton_per_ampere)
         self._length_limits = length_limits
-        self._bus = frames_bits
         self._bitrate = bitrate
         self._marker_times: deque[float] = deque(maxlen=4000)
-        self._bus_counts: deque[tuple[float, int, float]] = deque(maxlen=12)
+        self._frames = self._bits = 0
+        """that have passed on the bus"""
+        self._bus_counts: deque[tuple[float, int, int]] = deque(maxlen=12)
         self._batch: list[tuple[MarkerFrame, tuple[WinchSample | None, ...]]] = []
+
+    def bus_frame(self, frame: CanFrame) -> None:
+        """A frame has passed on the bus; told by the bus's thread."""
+        self._frames += 1
+        self._bits += frame_bits(len(frame.data))
 
     def frame(self, frame: MarkerFrame) -> None:
         """A marker frame has come."""
@@ -247,9 +254,7 @@ class Gauges:
 
     def bus(self) -> BusState:
         """The bus during the last second."""
-        if self._bus is None:
-            return BusState()
-        frames, bits = self._bus()
+        frames, bits = self._frames, self._bits
         now = self._rig.clock.now()
         self._bus_counts.append((now, frames, bits))
         then, before, bits_before = self._bus_counts[0]

@@ -13,7 +13,7 @@ from fidim_lab.errors import HardwareError, SetupError
 class StopKeeper:
     """`Keeper` in a file. The drives have been stopped when it is told; a slow disk keeps nothing waiting."""
 
-    def __init__(self, path: Path, says: Callable[[str], None]) -> None:
+    def __init__(self, path: Path, says: Callable[[str], object]) -> None:
         """says: told, from another thread, that the file could not be written, and where the stop is instead."""
         self._path = path
         self._says = says

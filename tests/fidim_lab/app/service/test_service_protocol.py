@@ -54,11 +54,16 @@ TRANSCRIPTS = [
 ]
 
 
+def said(session: ServerSession, wire: bytes):
+    session.add(wire)
+    return list(iter(session.next, None))
+
+
 @pytest.mark.parametrize(("wire", "message"), TRANSCRIPTS)
 def test_the_wire_is_what_the_page_says(wire, message):
     session = ServerSession(1)
-    assert session.receive(HELLO) == [Hello(client="me")]
-    assert session.receive(wire) == [message]
+    assert said(session, HELLO) == [Hello(client="me")]
+    assert said(session, wire) == [message]
     assert session.stage is ConversationStage.TALKING
     assert session.name == "me #1"
 
@@ -70,7 +75,7 @@ def test_texts_of_a_client_are_printable_and_a_stop_is_never_refused_over_its_wo
     session = ServerSession(1)
     hello = json.dumps({"type": "hello", "client": HOSTILE}).encode() + b"\n"
     stop = {"type": "command", "id": 1, "command": {"name": "e-stop", "reason": HOSTILE}}
-    _, request = session.receive(hello + json.dumps(stop).encode() + b"\n")
+    _, request = said(session, hello + json.dumps(stop).encode() + b"\n")
     assert session.name == "\\x1b[2J\\x1b]0;OWNED\\x07\\u202eX FAKE LIN… #1"
     assert isinstance(request, Request)
     assert isinstance(request.command, EmergencyStop)
@@ -131,17 +136,17 @@ REFUSED = [
 @pytest.mark.parametrize(("wire", "why"), REFUSED, ids=[why for _, why in REFUSED])
 def test_what_is_no_message_is_refused_with_why_and_closes(wire, why):
     session = ServerSession(1)
-    *_, last = session.receive(wire)
+    *_, last = said(session, wire)
     assert isinstance(last, Refusal)
     assert why in last.says
     assert session.stage is ConversationStage.CLOSED
-    assert session.receive(HELLO) == []
+    assert said(session, HELLO) == []
 
 
 @pytest.mark.parametrize(("token", "good"), [("secret", True), ("", False), ("Secret", False), ("é", False)])
 def test_a_token_is_asked_for_where_there_is_one(token, good):
     session = ServerSession(1, token="secret")
-    session.receive(encode(Hello(token=token)))
+    said(session, encode(Hello(token=token)))
     assert (session.stage is ConversationStage.TALKING) is good
 
 
