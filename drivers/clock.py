@@ -7,9 +7,12 @@ came at 225 to 230 Hz by it.
 import asyncio
 import select
 import selectors
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
 
 from drivers.ports import Clock
+
+T = TypeVar("T")
 
 _SELECTABLE = 1024
 """file descriptors below can be given to select()"""
@@ -35,6 +38,20 @@ async def wait_until(clock: Clock, condition: Callable[[], bool], *, timeout: fl
             return False
         await clock.sleep(period)
     return True
+
+
+async def within(clock: Clock, seconds: float, work: Coroutine[Any, Any, T]) -> T:
+    """The result of `work`. Raises TimeoutError when it takes longer; cancels it then, and when cancelled itself."""
+    task = asyncio.ensure_future(work)
+    timer = asyncio.ensure_future(clock.sleep(seconds))
+    try:
+        await asyncio.wait({task, timer}, return_when=asyncio.FIRST_COMPLETED)
+        if not task.done():
+            raise TimeoutError
+        return task.result()
+    finally:
+        timer.cancel()
+        task.cancel()
 
 
 def precise_loop() -> asyncio.AbstractEventLoop:

@@ -268,6 +268,11 @@ class MarkerFrame:
     positions: tuple[tuple[float, float, float] | None, ...]
     """m, motion-capture frame, main marker first; None where occluded"""
 
+    @property
+    def main(self) -> tuple[float, float, float] | None:
+        """The main marker's, None where it was not seen."""
+        return self.positions[0] if self.positions else None
+
 
 class MarkerSource(Protocol):
     """A stream of marker frames."""

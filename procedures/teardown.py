@@ -12,12 +12,13 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from types import FrameType
 
+from drivers.clock import within
 from drivers.ports import Clock, DriveState, Winch
 from fidim_lab.errors import DeviceError, FidimError
 from fidim_lab.say import each_once
 from procedures.settings import GuardSettings, HoldSettings
 from procedures.stopping import POWERED, StoppedWinch, Stopping, quick_stop
-from procedures.timing import POLL, within
+from procedures.timing import POLL
 
 _MAY_HOLD = (DriveState.OPERATION_ENABLED, DriveState.UNKNOWN)
 

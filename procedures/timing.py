@@ -1,4 +1,4 @@
-"""Waiting with the Clock port: time limits, and work that a cancellation cannot cut short."""
+"""Waiting with the Clock port: for a condition, and for work that a cancellation cannot cut short."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -11,20 +11,6 @@ T = TypeVar("T")
 
 POLL = 0.01
 """s between two looks at a device's newest sample"""
-
-
-async def within(clock: Clock, seconds: float, work: Coroutine[Any, Any, T]) -> T:
-    """The result of `work`. Raises TimeoutError when it takes longer; cancels it then, and when cancelled itself."""
-    task = asyncio.ensure_future(work)
-    timer = asyncio.ensure_future(clock.sleep(seconds))
-    try:
-        await asyncio.wait({task, timer}, return_when=asyncio.FIRST_COMPLETED)
-        if not task.done():
-            raise TimeoutError
-        return task.result()
-    finally:
-        timer.cancel()
-        task.cancel()
 
 
 async def wait_until(clock: Clock, seconds: float, condition: Callable[[], bool]) -> bool:

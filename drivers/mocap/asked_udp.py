@@ -48,20 +48,9 @@ class AskedUdpFeed(DatagramFeed):
         self._group: Address | None = None
         self._joining: asyncio.Future[None] | None = None
         self._members: asyncio.DatagramTransport | None = None
-        self._senders = SenderCheck(clock.now)
         self._asking: asyncio.Future[None] | None = None
 
     hint = "Is the server streaming, are host and port right, does a firewall block it?"
-
-    @property
-    def foreign(self) -> int:
-        """Datagrams to the group that somebody else sent."""
-        return self._senders.foreign
-
-    @property
-    def left_out(self) -> str:
-        """The origin of the newest datagram, in words."""
-        return self._senders.left_out
 
     async def open(self) -> None:
         """Say hello. Raises SetupError for an address that is none."""

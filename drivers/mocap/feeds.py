@@ -6,15 +6,14 @@ A simulated server offers the same port in process (`sim_backends.mocap`). All w
 import asyncio
 import contextlib
 import socket
-from collections.abc import Callable, Coroutine
-from typing import Any, Protocol, TypeVar
+from collections.abc import Callable
+from typing import Protocol
 
+from drivers.clock import within
 from drivers.mocap.mailbox import Mailbox, MailboxClosedError
 from drivers.mocap.sender import Address, SenderCheck
 from drivers.ports import Clock
 from fidim_lab.errors import DeviceError, SetupError
-
-T = TypeVar("T")
 
 RECEIVE_BUFFER = 1 << 20
 """bytes asked of the kernel: 20 s at 200 Hz survive a stalled process (Linux may grant less)"""
@@ -66,6 +65,7 @@ class DatagramFeed:
         self._clock = clock
         self._address = address
         self._mailbox: Mailbox[tuple[float, bytes]] = Mailbox(DATAGRAMS_QUEUED)
+        self._senders = SenderCheck(clock.now)
         self._transport: asyncio.DatagramTransport | None = None
         self._heard = float("-inf")
         """monotonic s of the newest datagram"""
@@ -76,12 +76,12 @@ class DatagramFeed:
     @property
     def foreign(self) -> int:
         """Datagrams that were left out, since somebody else sent them."""
-        return 0
+        return self._senders.foreign
 
     @property
     def left_out(self) -> str:
-        """The origin of the newest datagram, in words."""
-        return ""
+        """The origin of the newest of them, in words."""
+        return self._senders.left_out
 
     @property
     def name(self) -> str:
@@ -135,16 +135,6 @@ class UdpFeed(DatagramFeed):
         """sender: its address, where it is known."""
         super().__init__(clock, (host, port))
         self._senders = SenderCheck(clock.now, sender)
-
-    @property
-    def foreign(self) -> int:
-        """Datagrams that were left out, since somebody else sent them."""
-        return self._senders.foreign
-
-    @property
-    def left_out(self) -> str:
-        """The origin of the newest datagram, in words."""
-        return self._senders.left_out
 
     @property
     def port(self) -> int:
@@ -220,7 +210,7 @@ class TcpFeed:
         """Connect. Raises DeviceError where nobody answers."""
         connecting = asyncio.open_connection(self._host, self._port)
         try:
-            self._streams = await _within(self._clock, CONNECT_TIMEOUT, connecting)
+            self._streams = await within(self._clock, CONNECT_TIMEOUT, connecting)
         except TimeoutError as error:
             raise DeviceError(self.name, f"no answer within {CONNECT_TIMEOUT:g} s.", hint=self.hint) from error
         except OSError as error:
@@ -258,17 +248,3 @@ class TcpFeed:
             writer.close()
             with contextlib.suppress(OSError):
                 await writer.wait_closed()
-
-
-async def _within(clock: Clock, seconds: float, work: Coroutine[Any, Any, T]) -> T:
-    """The result of `work`. Raises TimeoutError after `seconds` by the clock."""
-    task, alarm = asyncio.ensure_future(work), asyncio.ensure_future(clock.sleep(seconds))
-    try:
-        await asyncio.wait({task, alarm}, return_when=asyncio.FIRST_COMPLETED)
-        if not task.done():
-            raise TimeoutError
-        return task.result()
-    finally:
-        for pending in (task, alarm):
-            pending.cancel()
-        await asyncio.gather(task, alarm, return_exceptions=True)

@@ -51,7 +51,6 @@ class StreamMarkerSource:
         self.decoder = decoder
         """What reads the bytes."""
         self._feed = feed
-        self._decoder = decoder
         self._taps: tuple[Callable[[float, int, bytes], None], ...] = ()
         self._clock = clock
         self._silence = silence
@@ -73,12 +72,12 @@ class StreamMarkerSource:
         start = self._clock.now()
         while True:
             frame = self._latest if self._latest is not None and self._latest.t >= start else None
-            if frame is not None and frame.positions[0] is not None:
+            if frame is not None and frame.main is not None:
                 return frame
             if self._clock.now() - start >= within:
                 if frame is not None:
                     problem = f"frames arrive, but the main marker was not seen for {within:g} s."
-                    raise DeviceError(self._feed.name, problem, hint=self._decoder.advice())
+                    raise DeviceError(self._feed.name, problem, hint=self.decoder.advice())
                 if self._malformed:
                     problem = (
                         f"{self._malformed} packets arrived, none of them a frame. The last problem: {self.problem}"
@@ -144,7 +143,7 @@ class StreamMarkerSource:
                     continue
                 if self._feed.connection != connection:
                     connection = self._feed.connection
-                    self._decoder.restart()
+                    self.decoder.restart()
                     self._pass_on(self._sequencer.restart())
                 for observer in self._taps:
                     observer(t, connection, data)
@@ -167,7 +166,7 @@ class StreamMarkerSource:
 
     def _accept(self, t: float, data: bytes) -> None:
         self._last_arrival = t
-        for event in self._decoder.receive(data):
+        for event in self.decoder.receive(data):
             if isinstance(event, Malformed):
                 self._malformed += 1
                 self.problem = event.problem
@@ -177,7 +176,7 @@ class StreamMarkerSource:
     def _pass_on(self, frames: list[MarkerFrame]) -> None:
         for frame in frames:
             previous, self._latest = self._latest, frame
-            if previous is not None and (main := frame.positions[0]) is not None and main == previous.positions[0]:
+            if previous is not None and frame.main is not None and frame.main == previous.main:
                 self._repeated += 1
             self.frame_clock.update(frame.number, frame.t)
             self._readers.deliver(frame)

@@ -20,7 +20,6 @@ class GaugeCounters:
     lines: int = 0
     malformed: int = 0
     """lines that do not look like the pattern, and pieces that are no line"""
-    unplugged: int = 0
 
 
 class LineGauge:
@@ -81,8 +80,6 @@ class LineGauge:
     def _changed(self, connected: bool) -> None:
         if connected:
             self._splitter.restart()
-        else:
-            self.counters.unplugged += 1
 
     def _received(self, data: bytes, t: float) -> None:
         before = self._splitter.malformed

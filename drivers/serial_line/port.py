@@ -36,8 +36,6 @@ class SerialPort:
     ) -> None:
         """url: as pyserial takes it: "/dev/ttyUSB0", "COM3", "socket://host:port". device: its name in messages."""
         self.url = url
-        self.connections = 0
-        """how often it was opened so far"""
         self.problem = "was not opened yet"
         """why it is not connected"""
         self._baud = baud
@@ -69,7 +67,6 @@ class SerialPort:
         except ValueError as error:
             raise SetupError(f"{self._device}: port {self.url!r} cannot be used: {error}.") from error
         self._port, self.problem = port, ""
-        self.connections += 1
         loop = asyncio.get_running_loop()
         threading.Thread(target=self._read, args=(port, loop), name=f"serial {self._device}", daemon=True).start()
         self._changed(True)

@@ -199,11 +199,9 @@ class MarkerGuard:
             self._why = "no frame has come from motion capture"
             return False
         self._number = frame.number
-        position = frame.positions[0] if frame.positions else None
-        frozen = position == self._position
-        self._position = position
-        self._why = "the main marker is lost" if position is None else "the main marker is frozen"
-        return position is not None and not frozen
+        before, self._position = self._position, frame.main
+        self._why = "the main marker is lost" if frame.main is None else "the main marker is frozen"
+        return frame.main not in (None, before)
 
 
 def _shared(wrong: Mapping[str, str], count: int, one: str, many: str) -> str | None:

@@ -85,8 +85,8 @@ async def watch_swing(stand: Stand, step: WatchSwing) -> Result:
         frame = source.latest()
         if frame is not None and frame.number != number:
             number = frame.number
-            if frame.positions and frame.positions[0] is not None:
-                taken.append((frame.t, frame.positions[0]))
+            if frame.main is not None:
+                taken.append((frame.t, frame.main))
         stand.progress((clock.now() - begin) / step.over)
         await clock.sleep(POLL)
     t, places = np.array([at for at, _ in taken]), np.array([place for _, place in taken]).reshape(-1, 3)

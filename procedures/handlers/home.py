@@ -4,6 +4,7 @@ import asyncio
 
 import numpy as np
 
+from drivers.clock import within
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import DeviceError
 from fidim_lab.model.mechanism import Mechanism
@@ -11,7 +12,7 @@ from procedures.handlers.motion import command_all, configured, require_alone
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import Configure, MeasurePose, Result, SetLengths
-from procedures.timing import POLL, within
+from procedures.timing import POLL
 
 FRAMES = 10
 """with all markers, at least"""

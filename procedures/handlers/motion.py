@@ -4,12 +4,13 @@ import asyncio
 import math
 from collections.abc import Coroutine, Sequence
 
+from drivers.clock import within
 from fidim_lab.errors import BusError, DeviceError, FidimError
 from fidim_lab.say import each_once
 from procedures.outcomes import Outcome
 from procedures.stand import Stand
 from procedures.steps import Enable, Hold, Lengths, MoveTo, Result, longest_way, travel_time
-from procedures.timing import wait_until, within
+from procedures.timing import wait_until
 
 EXPECTED_PLACE = 5e-3
 """m: a robot farther from where the plan has it gets its way checked from where it is"""
@@ -56,7 +57,7 @@ def _require_place(stand: Stand) -> None:
     if stand.place is None:
         return
     frame, swing = stand.rig.markers.latest(), math.hypot(*stand.robot.limits.free_displacement)
-    marker = None if frame is None else frame.positions[0]
+    marker = None if frame is None else frame.main
     wrong = stand.place.wrong(stand.lengths()) or stand.place.marker_wrong(marker, swing)
     if wrong:
         raise DeviceError(

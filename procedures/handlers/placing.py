@@ -172,8 +172,8 @@ async def _look(stand: Stand, over: float) -> _Look | None:
         frame = source.latest()
         if frame is not None and frame.number != number:
             number = frame.number
-            if frame.positions and frame.positions[0] is not None:
-                markers.append((passed, frame.positions[0]))
+            if frame.main is not None:
+                markers.append((passed, frame.main))
         await clock.sleep(POLL)
     if not markers:
         return None

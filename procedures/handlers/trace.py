@@ -37,10 +37,9 @@ class MarkerTrace:
         self._begin = now if self._begin is None else self._begin
         if frame is not None and frame.number != self._number:
             self._number = frame.number
-            place = frame.positions[0] if frame.positions else None
-            if place is not None and place != self._last:
-                self._seen.append((now, place))
-            self._last = place
+            if frame.main is not None and frame.main != self._last:
+                self._seen.append((now, frame.main))
+            self._last = frame.main
         while self._seen and self._seen[0][0] < now - self._over:
             self._seen.popleft()
         self._now = now

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from drivers.disk import InlineDisk
 from drivers.ports import Disk
 from fidim_lab.errors import HardwareError
 from procedures.recording.disk import disk_error, sync
@@ -22,12 +21,10 @@ class PartFile:
     the file. After a failure nothing more is written: what is there has no hole.
     """
 
-    def __init__(
-        self, final: Path, disk: Disk | None = None, write: WriteBytes = os.write, *, unit: bytes = b""
-    ) -> None:
+    def __init__(self, final: Path, disk: Disk, write: WriteBytes, *, unit: bytes = b"") -> None:
         """`final`: the name without `.part`; `unit` ends what must be whole: a line that does not fit is taken back."""
         self.path = final.with_name(final.name + PART)
-        self._disk = InlineDisk() if disk is None else disk
+        self._disk = disk
         self._write_bytes = write
         self._unit = unit
         self._waiting: list[bytes] = []

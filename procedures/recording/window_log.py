@@ -5,7 +5,6 @@ publish_time that at which it was true; the source's own counter is in the messa
 """
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -37,9 +36,9 @@ class WindowLog:
         about: Mapping[str, str],
         newton_per_ampere: Sequence[float],
         rate: float,
-        disk: Disk | None = None,
-        write: WriteBytes = os.write,
-        further: Sequence[str] = (),
+        disk: Disk,
+        write: WriteBytes,
+        further: Sequence[str],
     ) -> None:
         """`final`: windows/ID.mcap; `newton_per_ampere`: one for each winch, NaN where unknown; `rate` in Hz.
 
@@ -73,8 +72,8 @@ class WindowLog:
         source = {"host_time": frame.t, "device_time": frame.number / self._rate, "device_frame": frame.number}
         line = encode_row(index, t, parts, **source, further=further)
         self._encoder.add(self._rows, nanoseconds(now), line, nanoseconds(frame.t))
-        if (place := frame.positions[0]) is not None:
-            self._place(now, frame.t, place)
+        if frame.main is not None:
+            self._place(now, frame.t, frame.main)
 
     def winches(self, now: float, samples: Sequence[WinchSample | None]) -> None:
         """The samples of the winches, without those already written."""

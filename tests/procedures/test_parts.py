@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, within
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.errors import OurBugError
 from procedures.events import Prompted, Publisher
@@ -17,7 +17,7 @@ from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline
 from procedures.recording.recorder import Recorder
 from procedures.steps import MoveTo, travel_time
-from procedures.timing import uninterrupted, wait_until, within
+from procedures.timing import uninterrupted, wait_until
 from sim_backends.jumping_loop import run
 
 P, M, F, U = Outcome.PASS, Outcome.MARGINAL, Outcome.FAIL, Outcome.UNSET

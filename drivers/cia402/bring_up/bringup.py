@@ -14,10 +14,10 @@ from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.grading import grade, refusals
 from drivers.cia402.dictionary.requirements import Graded
 from drivers.cia402.dictionary.settings import STOPS, Setting, SettingCheck, identity, interpolation, limits
-from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode, mode_name
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.watch.without_power import read_state
 from drivers.cia402.wire.emcy import emergency_words, register_words
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
 from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Mappable, ObjectValue, PdoMap, mapping_expected, mapping_writes
@@ -61,7 +61,7 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     power, or one that does not answer.
     """
     link.forget()
-    compared = identity(config, _eds_identity(link), keeps_mode=link.able.keeps_mode)
+    compared = identity(config, link.eds_identity, keeps_mode=link.able.keeps_mode)
     checks = [await _apply(link, setting) for setting in link.able.fitting(compared)]
     checks += await check_factors(link.sdo, config)
     checks += await check_zero(link.sdo, config)
@@ -129,10 +129,6 @@ def _written(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[Setting
     return tuple(s for s in link.able.fitting(limits(config, host_id, guarded=link.able.guarded)) if s.write)
 
 
-def _eds_identity(link: NodeLink) -> tuple[int, int]:
-    return link.sdo.default(0x1018, 1), link.sdo.default(0x1018, 2)
-
-
 def _refuse(config: WinchConfig, checks: Iterable[SettingCheck]) -> None:
     wrong = [str(check) for check in checks if not check.ok]
     if wrong:
@@ -151,11 +147,11 @@ async def _apply(link: NodeLink, setting: Setting) -> SettingCheck:
         found = await link.sdo.read(setting.index, setting.sub)
     except SdoRefusedError as error:
         return SettingCheck(setting.object, setting.meaning, setting.words, error.reason, ok=False)
-    return SettingCheck(setting.object, setting.meaning, setting.words, setting.told(found), ok=setting.holds(found))
+    return setting.check(found)
 
 
 async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
-    state = state_of(await link.sdo.read(0x6041))
+    state = await read_state(link)
     if state in _POWERED:
         raise DeviceError(
             config.device,

@@ -10,11 +10,11 @@ from drivers.cia402.bring_up.factors import check_factors
 from drivers.cia402.bring_up.zero import check_zero
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, limits
-from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.signals import INPUTS, STO_HINT
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.watch.without_power import read_state
 from drivers.cia402.wire.emcy import COMMUNICATION, GENERIC
-from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Mappable, PdoMap, VendorEntry, mapping_expected
+from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, PdoMap, mapping_expected
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 from drivers.ports import DriveState
 from fidim_lab.data.rigs.rig_winch_tables import Signal
@@ -48,13 +48,12 @@ class InspectedObject:
 
 async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[InspectedObject, ...]:
     """All that bring-up would look at. Raises DeviceError where the drive does not answer."""
-    sdo = link.sdo
-    able, eds_identity = link.able, (sdo.default(0x1018, 1), sdo.default(0x1018, 2))
-    compared = identity(config, eds_identity, keeps_mode=able.keeps_mode)
+    sdo, able = link.sdo, link.able
+    compared = identity(config, link.eds_identity, keeps_mode=able.keeps_mode)
     found = [await _setting(sdo, s) for s in able.fitting(compared)]
     found += [_checked(check, HOME) for check in await check_zero(sdo, config)]
     found += [_checked(check, FACTORS) for check in await check_factors(sdo, config)]
-    found += [await _state(sdo), await _error_register(sdo)]
+    found += [await _state(link), await _error_register(sdo)]
     if config.sto is not None:
         found.append(await _sto(link, config.sto))
     limited = limits(config, host_id, guarded=able.guarded)
@@ -103,8 +102,8 @@ async def _sto(link: NodeLink, sto: Signal) -> InspectedObject:
     return InspectedObject(name, meaning, wanted, "not active", Standing.HOLDS)
 
 
-async def _state(sdo: SdoChannel) -> InspectedObject:
-    state = state_of(await sdo.read(0x6041))
+async def _state(link: NodeLink) -> InspectedObject:
+    state = await read_state(link)
     advice = ""
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
         advice = "find the cause, then reset the fault"
@@ -130,7 +129,7 @@ async def _pdo(sdo: SdoChannel, pdo: PdoMap, node_id: int) -> InspectedObject:
     """One line for a PDO: its entries by name, or what cannot be mapped."""
     name, wanted = f"{pdo.mapping_index:04X}", " + ".join(f"{e.value[0]:04X}" for e in pdo.entries)
     meaning = f"mapping of {'TPDO' if pdo.transmit else 'RPDO'} {pdo.number}"
-    unmappable = [f"{e.value[0]:04X}" for e in pdo.entries if not sdo.mappable(*_place(e))]
+    unmappable = [f"{e.value[0]:04X}" for e in pdo.entries if not sdo.mappable(*e.value[:2])]
     try:
         count = await sdo.read(pdo.mapping_index, 0)
         entries = [await sdo.read(pdo.mapping_index, n) for n in range(1, min(count, _HIGHEST_MAPPED) + 1)]
@@ -161,8 +160,3 @@ async def _interpolation(sdo: SdoChannel) -> InspectedObject:
     except SdoRefusedError as error:  # only for people to know
         found = error.reason
     return InspectedObject("60C2", "interpolation period", "any (profile position mode)", found, Standing.HOLDS)
-
-
-def _place(entry: Mappable | VendorEntry) -> tuple[int, int]:
-    index, sub, _ = entry.value
-    return index, sub

@@ -14,11 +14,12 @@ from drivers.cia402.bring_up.bringup import OF_A_MOVE, BroughtUp, bring_up, grad
 from drivers.cia402.bring_up.inspection import InspectedObject, Standing, inspect
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.settings import SettingCheck, interpolation
-from drivers.cia402.profile.machine import Command, state_of
+from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.scale import wrap32
 from drivers.cia402.profile.words import controlword, mode_name
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.watch.without_power import read_state
 from drivers.cia402.wire.pdo import Mappable
 from drivers.cia402.wire.strangers import ALL_NODES, END_IT, Strangers
 from drivers.ports import Clock, DriveState
@@ -46,15 +47,13 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
     state = await _stop(master.clock, link, config)
     if state is not DriveState.QUICK_STOP_ACTIVE:
         return await bring_up(master, link, config)
-    checks = [_check(found) for found in await inspect(link, config, master.host_id) if _counts(found)]
+    seen = await inspect(link, config, master.host_id)
+    checks = [_check(found) for found in seen if found.object not in _JUDGED_ELSEWHERE]
     mode = await link.sdo.read(Mappable.MODE_DISPLAY.index)
     wanted = link.mode = config.mode
     checks.append(SettingCheck("6061:0", "mode of operation", mode_name(wanted), mode_name(mode), ok=mode == wanted))
     for setting in link.able.fitting(interpolation(config, master.period)):
-        found = await link.sdo.read(setting.index, setting.sub)
-        checks.append(
-            SettingCheck(setting.object, setting.meaning, setting.words, setting.told(found), ok=setting.holds(found))
-        )
+        checks.append(setting.check(await link.sdo.read(setting.index, setting.sub)))
     if wrong := [str(check) for check in checks if not check.ok]:
         raise DeviceError(
             config.device,
@@ -70,7 +69,7 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
 
 async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState:
     """At rest, in whichever state without a motion that is. Raises DeviceError where it does not come to one."""
-    state = state_of(await link.sdo.read(0x6041))
+    state = await read_state(link)
     if state is DriveState.OPERATION_ENABLED:
         link.send_controlword(controlword(Command.QUICK_STOP), 0)
     elif state is DriveState.SWITCHED_ON:  # on its way to be enabled: the motor does not hold anything yet
@@ -78,7 +77,7 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
     slowest = config.drive_velocity(_STANDSTILL * config.max_speed)
     deadline = clock.now() + config.step_timeout + config.max_speed / config.quick_stop_deceleration
     while True:
-        state, speed = state_of(await link.sdo.read(0x6041)), abs(await _velocity(clock, link, config))
+        state, speed = await read_state(link), abs(await _velocity(clock, link, config))
         leaves = state is DriveState.QUICK_STOP_ACTIVE and not config.stop.holds_in_quick_stop
         if not leaves and state not in (*_MOVES, DriveState.SWITCHED_ON) and speed <= slowest:
             return state
@@ -96,10 +95,6 @@ async def _velocity(clock: Clock, link: NodeLink, config: WinchConfig) -> float:
     await clock.sleep(_WATCHED)
     turned = wrap32(await link.sdo.read(Mappable.POSITION.index) - before)
     return turned / (clock.now() - t) / link.layout.velocity_digit
-
-
-def _counts(found: InspectedObject) -> bool:
-    return found.object not in _JUDGED_ELSEWHERE
 
 
 def _check(found: InspectedObject) -> SettingCheck:

@@ -12,6 +12,8 @@ from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.layout import PdoLayout, Registers, lay_out
 from drivers.cia402.dictionary.registers import Access, registers_of
 from drivers.cia402.dictionary.settings import Setting
+from fidim_lab.data.eds import read_dictionary
+from fidim_lab.errors import FileError, SetupError
 
 _LIMITS = ((0x607D, 1), (0x607D, 2))
 """lowest and highest position"""
@@ -74,6 +76,14 @@ class Abilities:
     def kept(self, wanted: Iterable[Setting]) -> tuple[Setting, ...]:
         """Those that it shows and does not let be written."""
         return tuple(s for s in wanted if s.write and self.access(s.index, s.sub) is Access.READ)
+
+
+def dictionary_of(config: WinchConfig) -> ObjectDictionary:
+    """Of the winch's EDS file. Raises SetupError naming the winch where that cannot be read."""
+    try:
+        return read_dictionary(config.eds, config.node_id).dictionary
+    except FileError as error:
+        raise SetupError(f"winch {config.name!r}: the EDS file {error.message}", hint=error.hint) from error
 
 
 def abilities(dictionary: ObjectDictionary, config: WinchConfig) -> Abilities:

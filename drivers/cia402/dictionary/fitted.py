@@ -2,15 +2,13 @@
 
 import canopen
 
-from drivers.cia402.dictionary.abilities import Abilities, abilities
+from drivers.cia402.dictionary.abilities import Abilities, abilities, dictionary_of
 from drivers.cia402.dictionary.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.dictionary.family import GENERIC_FAMILY, speed_unit
 from drivers.cia402.dictionary.grading import grade, narrowed
 from drivers.cia402.dictionary.requirements import Graded
 from drivers.cia402.wire.sdo import told_by_file
 from drivers.ports import Trial
-from fidim_lab.data.eds import read_dictionary
-from fidim_lab.errors import FileError, SetupError
 
 
 def fitted(config: WinchConfig) -> WinchConfig:
@@ -20,11 +18,7 @@ def fitted(config: WinchConfig) -> WinchConfig:
     """
     if config.eds == GENERIC_EDS and config.family == GENERIC_FAMILY:
         return config
-    try:
-        known = read_dictionary(config.eds, config.node_id).dictionary
-    except FileError as error:
-        raise SetupError(f"winch {config.name!r}: the EDS file {error.message}", hint=error.hint) from error
-    return narrowed(config, by_file(known, config)[1])
+    return narrowed(config, by_file(dictionary_of(config), config)[1])
 
 
 def by_file(known: canopen.ObjectDictionary, config: WinchConfig) -> tuple[Abilities, tuple[Graded, ...]]:

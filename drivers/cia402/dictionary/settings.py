@@ -46,6 +46,10 @@ class Setting:
         """Whether a value that was read back is the wanted one."""
         return (found & self.mask) == (self.wanted & self.mask)
 
+    def check(self, found: int) -> "SettingCheck":
+        """The line of the report for a value that was read back."""
+        return SettingCheck(self.object, self.meaning, self.words, self.told(found), ok=self.holds(found))
+
 
 @dataclass(frozen=True)
 class SettingCheck:

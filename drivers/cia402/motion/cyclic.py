@@ -53,27 +53,27 @@ class CyclicWinch(Cia402Winch):
         refuse_beyond_limits(self.config, length, speed, acceleration)
         if self._moving:
             raise DeviceError(self.config.device, "is still moving.", hint="Hold it first.")
-        order = begin_move(self._drive, self.config.device)
+        order = begin_move(self.drive, self.config.device)
         await self.prepare(speed, acceleration)
         goal = self._demand + wrap32(self._scale.count(length) - wrap32(round(self._demand)))
         per_metre = self._scale.counts_per_metre
         self._way = order, Trajectory(0.0, self._demand, goal, speed * per_metre, acceleration * per_metre), 0
-        await self._drive.follow(order)
+        await self.drive.follow(order)
 
     async def hold(self) -> None:
         """Stop on the ramp of the last move and stand; returns at standstill.
 
         Raises DeviceError where the drive has no power. Where its state is unknown, a quick stop is sent instead.
         """
-        order, values = begin_hold(self._drive, self.config.device)
+        order, values = begin_hold(self.drive, self.config.device)
         if state_of(values.statusword) is DriveState.OPERATION_ENABLED and (way := self._way) is not None:
-            position, velocity = way[1].at(way[2] * self._master.period)
+            position, velocity = way[1].at(way[2] * self.master.period)
             stop = Trajectory.stopping(0.0, position, velocity, self._ramp * self._scale.counts_per_metre)
             self._way = order, stop, 0
             seconds = self.config.step_timeout + 2.0 * stop.end
-            await self._drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
+            await self.drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
         slowest = self.config.drive_velocity(STANDSTILL * self.config.max_speed)
-        await self._drive.stand_still(order, slowest, self.config.step_timeout)
+        await self.drive.stand_still(order, slowest, self.config.step_timeout)
         self.stands()
 
     def latest(self) -> WinchSample | None:
@@ -86,21 +86,21 @@ class CyclicWinch(Cia402Winch):
 
     async def _take_over(self, order: int) -> None:
         """The present position is the first target; released from halt, the drive follows it."""
-        self._demand = float(self._drive.healthy().position)
+        self._demand = float(self.drive.healthy().position)
         self._way = None
-        self._drive.target = wrap32(round(self._demand))
-        self._drive.send(order, controlword(Command.ENABLE_OPERATION))
+        self.drive.target = wrap32(round(self._demand))
+        self.drive.send(order, controlword(Command.ENABLE_OPERATION))
         self.stands()
-        await self._drive.follow(order)
+        await self.drive.follow(order)
 
     @property
     def _moving(self) -> bool:
         way = self._way
-        return way is not None and way[0] == self._drive.order and way[2] * self._master.period < way[1].end
+        return way is not None and way[0] == self.drive.order and way[2] * self.master.period < way[1].end
 
     def _on(self, way: Trajectory, velocity: float) -> Trajectory:
         """The rest of a way in cable (m): from the next SYNC on, if no other is late."""
-        per_metre, now = self._scale.counts_per_metre, self._master.clock.now()
+        per_metre, now = self._scale.counts_per_metre, self.master.clock.now()
         start, target = (self._scale.length(round(place)) for place in (self._demand, way.target))
         speed, ramp = way.speed / per_metre, way.acceleration / per_metre
         return Trajectory(now, start, target, speed, ramp, self._scale.velocity(velocity))
@@ -116,14 +116,14 @@ class CyclicWinch(Cia402Winch):
             return
         if (way := self._way) is not None:
             order, trajectory, steps = way
-            if order != self._drive.order:
+            if order != self.drive.order:
                 self._way = None  # overtaken: a stop by the drive itself
                 return
             self._way = order, trajectory, steps + 1
-            self._demand, velocity = trajectory.at((steps + 1) * self._master.period)
+            self._demand, velocity = trajectory.at((steps + 1) * self.master.period)
             self._commanded = self._on(trajectory, velocity)
-        self._drive.target = wrap32(round(self._demand))
-        self.link.send_target(self._drive.target)
+        self.drive.target = wrap32(round(self._demand))
+        self.link.send_target(self.drive.target)
 
 
 def make_winch(config: WinchConfig, master: CanopenMaster, *, takes_over: bool = False) -> Cia402Winch:

@@ -47,7 +47,8 @@ class Drive:
         self._period = master.period
         self.target = 0
         """counts; every controlword carries it"""
-        self._order = 0
+        self.order = 0
+        """the number of the newest command"""
         self._sent_at = float("-inf")
         self._halted = False
         self._displayed = False
@@ -55,19 +56,14 @@ class Drive:
         self._shown = 0
         """the statusword with which it was enabled: some drives never set a bit that others lose"""
 
-    @property
-    def order(self) -> int:
-        """The number of the newest command."""
-        return self._order
-
     def begin(self) -> int:
         """The number of a new command; whatever was waiting is overtaken."""
-        self._order += 1
-        return self._order
+        self.order += 1
+        return self.order
 
     def send(self, order: int, word: int, *, both_ways: bool = False) -> None:
         """One controlword; both_ways: by SDO, too. Raises DeviceError where another order was begun since, BusError."""
-        if order != self._order:
+        if order != self.order:
             raise _overtaken(self._config)
         self._sent_at = self._clock.now()
         self._halted = bool(word & HALT)
@@ -261,7 +257,7 @@ class Drive:
         leaves_fault: bool = False,
     ) -> None:
         def confirmed() -> bool:
-            if order != self._order:
+            if order != self.order:
                 raise _overtaken(self._config)
             values = self.link.values
             if values is None or values.t <= self._sent_at:

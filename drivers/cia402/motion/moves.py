@@ -1,12 +1,10 @@
 """One move and one sample of a winch, between cable (m, A) and drive (counts, per mille). Pure."""
 
-from dataclasses import dataclass
-
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.settings import Setting
 from drivers.cia402.profile.scale import LengthScale
 from drivers.cia402.profile.words import TARGET_REACHED
-from drivers.cia402.watch.health import NOTHING_TOLD, Health
+from drivers.cia402.watch.health import Health
 from drivers.cia402.wire.pdo import DriveValues
 from drivers.ports import DriveState, WinchSample
 from fidim_lab.errors import RefusedError
@@ -36,29 +34,14 @@ def profile(config: WinchConfig, speed: float, acceleration: float) -> tuple[Set
     )
 
 
-@dataclass(frozen=True)
-class Beside:
-    """A drive's values besides its PDOs."""
-
-    fault: str = ""
-    """in words"""
-    health: Health = NOTHING_TOLD
-    heartbeat_age: float | None = None
-    """s"""
-    emergencies: int = 0
-    lost: int = 0
-    moved: int = 0
-    blind: bool = False
-
-
 def make_sample(
-    values: DriveValues, config: WinchConfig, scale: LengthScale, state: DriveState, beside: Beside
+    values: DriveValues, config: WinchConfig, scale: LengthScale, state: DriveState, health: Health
 ) -> WinchSample:
-    """What the port says of one bus cycle.
+    """What a drive tells by its PDOs in one bus cycle, and of its health, as the port says it.
 
     A positive motor current of the drive turns towards rising counts; ours is positive where the winch pulls.
     """
-    lag = beside.health.following_error
+    lag = health.following_error
     return WinchSample(
         t=values.t,
         state=state,
@@ -66,12 +49,6 @@ def make_sample(
         velocity=config.cable_speed(values.velocity),
         current=config.ampere_per_mille * (-config.direction * values.current) + config.current_offset,
         target_reached=bool(values.statusword & TARGET_REACHED),
-        fault=beside.fault,
         following_error=None if lag is None else scale.velocity(lag),
-        temperature=beside.health.temperature,
-        heartbeat_age=beside.heartbeat_age,
-        emergencies=beside.emergencies,
-        lost=beside.lost,
-        moved=beside.moved,
-        blind=beside.blind,
+        temperature=health.temperature,
     )

@@ -11,8 +11,8 @@ from drivers.cia402.watch.without_power import acknowledge_fault, read_state
 from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.ports import DriveState, Trial, TrialStop
 
-QUICK_RAMPS, SLOW_RAMPS = (2, 6), (1, 5)
-"""option codes that stop on the quick-stop ramp (6085), and on the move's own (6084)"""
+SLOW_RAMPS = (1, 5)
+"""option codes that stop on the move's own ramp (6084), not on the quick-stop ramp (6085)"""
 NEEDS = {
     Trial.POSITION_LIMIT: ((0x607D, 1), (0x607D, 2)),
     Trial.FOLLOWING_ERROR: ((0x6065, 0),),

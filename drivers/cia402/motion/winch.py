@@ -5,6 +5,7 @@ overtake whatever is in progress: a move that was waiting ends with an error and
 """
 
 import contextlib
+from dataclasses import replace
 
 from drivers.cia402.bring_up.bringup import bring_up, forgotten, stops_rest_on
 from drivers.cia402.bring_up.takeover import take_over
@@ -13,7 +14,7 @@ from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.requirements import Graded
 from drivers.cia402.dictionary.settings import Setting, SettingCheck
 from drivers.cia402.motion.drive import Drive
-from drivers.cia402.motion.moves import Beside, make_sample, profile, refuse_beyond_limits
+from drivers.cia402.motion.moves import make_sample, profile, refuse_beyond_limits
 from drivers.cia402.motion.orders import begin_hold, begin_move, quick_stop
 from drivers.cia402.profile.last_motion import LastMotion
 from drivers.cia402.profile.machine import Command, state_of
@@ -50,10 +51,13 @@ class Cia402Winch:
         """of the last bring-up that succeeded: wanted and found"""
         self.grades: tuple[Graded, ...] = ()
         """likewise: how the drive meets each requirement"""
-        self._master = master
+        self.master = master
+        self.clock: Clock = master.clock
         self._configure = take_over if takes_over else bring_up
         self._scale: LengthScale = config.scale
-        self._drive = Drive(config, master)
+        self.drive = Drive(config, master)
+        self.link: NodeLink = self.drive.link
+        """the bus side: counters, emergencies, heartbeat"""
         self._ramp = config.max_acceleration
         self._prepared: tuple[float, float] | None = None
         self.zeroed: Zeroed | None = None
@@ -75,36 +79,16 @@ class Cia402Winch:
         """As in the rig file."""
         return self.config.name
 
-    @property
-    def link(self) -> NodeLink:
-        """The bus side: counters, emergencies, heartbeat."""
-        return self._drive.link
-
-    @property
-    def drive(self) -> Drive:
-        """The dialogue with the drive, for `modes`."""
-        return self._drive
-
-    @property
-    def clock(self) -> Clock:
-        """The master's."""
-        return self._master.clock
-
-    @property
-    def master(self) -> CanopenMaster:
-        """Of its bus."""
-        return self._master
-
     async def configure(self) -> None:
         """Identity, limits, stop reactions, PDO mapping: written, read back; power is never given.
 
         `CanopenMaster.run()` must be running. Raises DeviceError naming every object that does not hold, or where the
         drive has power (unless this winch takes over).
         """
-        self._drive.begin()
+        self.drive.begin()
         self._prepared = self._commanded = None
         self._forced = self.powered = False
-        found = await self._configure(self._master, self.link, self.config)
+        found = await self._configure(self.master, self.link, self.config)
         self.checks, self.grades = found.checks, found.grades
 
     async def set_length(self, length: float) -> None:
@@ -112,7 +96,7 @@ class Cia402Winch:
 
         Raises RefusedError outside the length limits, DeviceError while the drum turns or the drive does not answer.
         """
-        zeroed = await read_zero(self.link.sdo, self.config, self._drive.believed(), length)
+        zeroed = await read_zero(self.link.sdo, self.config, self.drive.believed(), length)
         self.config = self.config.changed(home_count=zeroed.count, home_length=length, zero=None)
         self._scale, self._prepared, self._commanded, self.zeroed = self.config.scale, None, None, zeroed
 
@@ -121,13 +105,13 @@ class Cia402Winch:
 
         Raises DeviceError where there is a fault (it is never reset here) or a step is not confirmed in time.
         """
-        if state_of(self._drive.healthy().statusword) is DriveState.OPERATION_ENABLED:
+        if state_of(self.drive.healthy().statusword) is DriveState.OPERATION_ENABLED:
             await self.hold()
             return
-        order = self._drive.begin()
+        order = self.drive.begin()
         if self.config.sto is not None and self.config.sto.is_active(await self.link.sdo.read(INPUTS)):
             raise DeviceError(self.config.device, f"cannot be enabled: {STO_SAYS}.", hint=STO_HINT)
-        if lost := await forgotten(self.link, self.config, self._master.host_id):
+        if lost := await forgotten(self.link, self.config, self.master.host_id):
             raise DeviceError(
                 self.config.device,
                 f"has lost its settings, so it must have restarted: {'; '.join(lost)}.",
@@ -135,13 +119,13 @@ class Cia402Winch:
             )
         self.stands()
         self.powered = True
-        await self._drive.walk_to_operation(order)
+        await self.drive.walk_to_operation(order)
         await self._take_over(order)
 
     async def _take_over(self, order: int) -> None:
         """Enabled and halted: from now on the drive stands by a set-point of ours."""
-        await self._drive.clear_acknowledgement(order)
-        await self._drive.take_set_point(order, self._drive.healthy().position, self.stands)
+        await self.drive.clear_acknowledgement(order)
+        await self.drive.take_set_point(order, self.drive.healthy().position, self.stands)
 
     async def prepare(self, speed: float, acceleration: float) -> None:
         """Write and read back speed (m/s) and acceleration (m/s²) of the next move; nothing moves.
@@ -164,29 +148,29 @@ class Cia402Winch:
         set-point, or a stop overtook the move.
         """
         refuse_beyond_limits(self.config, length, speed, acceleration)
-        order = begin_move(self._drive, self.config.device)
+        order = begin_move(self.drive, self.config.device)
         if self._prepared != (speed, acceleration):
             await self.prepare(speed, acceleration)
 
         def begins() -> None:
-            now = self._master.clock.now()
+            now = self.clock.now()
             place, velocity = (self._commanded or Trajectory.standing(now, length)).at(now)
             self._commanded = Trajectory(now, place, length, speed, acceleration, velocity)
 
-        await self._drive.take_set_point(order, self._scale.count(length), begins)
+        await self.drive.take_set_point(order, self._scale.count(length), begins)
 
     async def hold(self) -> None:
         """Stop on the ramp and stand with power on; returns at standstill.
 
         Raises DeviceError where the drive has no power. Where its state is unknown, a quick stop is sent instead.
         """
-        order, values = begin_hold(self._drive, self.config.device)
+        order, values = begin_hold(self.drive, self.config.device)
         if state_of(values.statusword) is DriveState.OPERATION_ENABLED:
-            self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
+            self.drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
             self._stops(self._ramp)
         speed = abs(self.config.cable_speed(values.velocity))
         slowest = self.config.drive_velocity(STANDSTILL * self.config.max_speed)
-        await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
+        await self.drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
         self.stands()
 
     def quick_stop(self, *, again: bool = False) -> None:
@@ -196,7 +180,7 @@ class Cia402Winch:
         """
         if not again:
             self._stops(self.config.quick_stop_deceleration)
-        quick_stop(self._drive, again=again)
+        quick_stop(self.drive, again=again)
 
     def force_stop(self) -> None:
         """NMT stop, at which the drive does what 6007 says: one frame, never waits.
@@ -204,17 +188,17 @@ class Cia402Winch:
         Where it is seen to be enabled still, a halt comes before: what 6007 says is the quick stop that it has not
         obeyed. One that is not seen may stand in its quick stop, from which that word could enable it again.
         """
-        order, sample = self._drive.begin(), self.latest()
+        order, sample = self.drive.begin(), self.latest()
         enabled = sample is not None and sample.state is DriveState.OPERATION_ENABLED  # UNKNOWN where it is old
         if enabled and self.link.mode is not Mode.PROFILE_TORQUE:  # where a halt takes the torque away
             with contextlib.suppress(BusError):
-                self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
+                self.drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
         self._forced = True
         self.link.send_nmt(NmtCommand.STOP)
 
     def fall_silent(self) -> float:
         """No host's heartbeat and no SYNC from now on, to any drive of the bus: each does what 6007 says."""
-        self._master.silent = True
+        self.master.silent = True
         return self.config.host_timeout + self.config.max_speed / self.config.quick_stop_deceleration
 
     async def ask_length(self) -> float:
@@ -226,7 +210,7 @@ class Cia402Winch:
     def power_off(self) -> None:
         """Take the power away: one frame, never waits."""
         self._commanded, self.powered = None, False
-        self._drive.send(self._drive.begin(), controlword(Command.DISABLE_VOLTAGE))
+        self.drive.send(self.drive.begin(), controlword(Command.DISABLE_VOLTAGE))
 
     @property
     def commanded(self) -> Trajectory | None:
@@ -236,7 +220,7 @@ class Cia402Winch:
     def stands(self) -> None:
         """From now on the cable is to be where it is now."""
         if (sample := self.latest()) is not None:
-            self._commanded = Trajectory.standing(self._master.clock.now(), sample.length)
+            self._commanded = Trajectory.standing(self.clock.now(), sample.length)
 
     def free(self) -> None:
         """No command is in force: taking up slack moves the drive by itself."""
@@ -244,7 +228,7 @@ class Cia402Winch:
 
     def _kept_settings(self) -> tuple[Setting, ...]:
         """Nothing while stops are tried, which changes some."""
-        return () if self.on_trial else stops_rest_on(self.link, self.config, self._master.host_id)
+        return () if self.on_trial else stops_rest_on(self.link, self.config, self.master.host_id)
 
     def _standing(self) -> Trajectory | None:
         """The command by which it has been at rest for a while, with power."""
@@ -254,7 +238,7 @@ class Cia402Winch:
 
     def _stops(self, deceleration: float) -> None:
         """From what the encoder tells, or from where it was told to be where that is too old."""
-        now, sample = self._master.clock.now(), self.latest()
+        now, sample = self.clock.now(), self.latest()
         if self._commanded is None or sample is None:
             return
         known = sample.state is not DriveState.UNKNOWN
@@ -268,21 +252,20 @@ class Cia402Winch:
         values = self.link.values
         if values is None:
             return None
-        state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
+        state = DriveState.UNKNOWN if self.drive.stale(values) else state_of(values.statusword)
         heartbeat, counters = self.link.heartbeat, self.link.counters
         health = self._health.believed()
         doubt = self._health.doubt if state is not DriveState.UNKNOWN else ""
-        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault(), doubt))
-        beside = Beside(
-            "; ".join(faults),
-            health,
-            None if heartbeat is None else max(self._master.clock.now() - heartbeat.t, 0.0),
-            counters.emergencies,
-            counters.lost,
-            0 if self.link.motion is None else self.config.direction * self.link.motion.direction,
-            self._health.blind,
+        faults = filter(None, (STO_SAYS if health.sto else "", self.drive.fault(), doubt))
+        return replace(
+            make_sample(values, self.config, self._scale, state, health),
+            fault="; ".join(faults),
+            heartbeat_age=None if heartbeat is None else max(self.clock.now() - heartbeat.t, 0.0),
+            emergencies=counters.emergencies,
+            lost=counters.lost,
+            moved=0 if self.link.motion is None else self.config.direction * self.link.motion.direction,
+            blind=self._health.blind,
         )
-        return make_sample(values, self.config, self._scale, state, beside)
 
     async def watch_health(self) -> None:
         """Ask the drive what its PDOs do not carry, for ever: a task beside `CanopenMaster.run()`."""

@@ -15,7 +15,7 @@ import canopen
 
 from drivers.canbus.load import MAX_LOAD, bus_load
 from drivers.canbus.transport import CanFrame, CanTransport
-from drivers.cia402.dictionary.abilities import Abilities, abilities
+from drivers.cia402.dictionary.abilities import Abilities, abilities, dictionary_of
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.words import controlword
@@ -25,8 +25,7 @@ from drivers.cia402.wire.sdo import SdoChannel
 from drivers.cia402.wire.strangers import SDO_REQUEST, Strangers
 from drivers.cia402.wire.sync import SyncTimes
 from drivers.ports import Clock
-from fidim_lab.data.eds import read_dictionary
-from fidim_lab.errors import BusError, FileError, SetupError
+from fidim_lab.errors import BusError, SetupError
 
 _SYNC = 0x080
 _HOST_PERIODS = 3.0
@@ -245,12 +244,7 @@ class CanopenMaster:
 
 def _remote_node(config: WinchConfig) -> canopen.RemoteNode:
     """A drive with the object dictionary of its EDS file. Raises SetupError naming the EDS file."""
-    try:
-        known = read_dictionary(config.eds, config.node_id).dictionary
-    except FileError as error:
-        raise SetupError(f"winch {config.name!r}: the EDS file {error.message}", hint=error.hint) from error
-    node = canopen.RemoteNode(
-        config.node_id, canopen.ObjectDictionary()
-    )  # its own PDOs, which we do not use, stay empty
+    known = dictionary_of(config)
+    node = canopen.RemoteNode(config.node_id, canopen.ObjectDictionary())  # its own PDOs, unused here, stay empty
     node.object_dictionary = node.sdo.od = known
     return node

@@ -37,8 +37,6 @@ class NodeCounters:
     malformed: int = 0
     """heartbeats and emergencies that were none"""
     emergencies: int = 0
-    unasked: int = 0
-    """TPDOs before our first SYNC: somebody else produces SYNC, or a TPDO is sent on its own"""
 
 
 class NodeLink:
@@ -99,8 +97,7 @@ class NodeLink:
     def on_tpdo(self, part: int, frame: CanFrame) -> None:
         """TPDO number `part`, from 0."""
         t = self.answers.date(part)
-        if t == float("-inf"):
-            self.counters.unasked += 1
+        if t == float("-inf"):  # before our first SYNC: somebody else's, or sent on its own
             return
         values = self.decoder.feed(part, frame.data, t)
         self.twins.sampled(t, self.decoder.contradicted)
@@ -192,6 +189,11 @@ class NodeLink:
             await clock.sleep(period)
         self.decoder.displayed = found
         return found
+
+    @property
+    def eds_identity(self) -> tuple[int, int]:
+        """Vendor and product by the EDS file; 0 for one that it leaves open."""
+        return self.sdo.default(0x1018, 1), self.sdo.default(0x1018, 2)
 
     @property
     def nmt_state(self) -> NmtState | None:

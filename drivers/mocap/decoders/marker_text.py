@@ -23,19 +23,16 @@ _SHOWN = 60
 class MarkerTextDecoder:
     """Decoder of marker lines with a fixed number of markers."""
 
-    def __init__(self, markers: int = 1, *, modulus: int | None = None, checksum_required: bool = False) -> None:
+    modulus = None
+    """the sender's counter never wraps"""
+
+    def __init__(self, markers: int, *, checksum_required: bool = False) -> None:
         self.markers = markers
         """how many a line has"""
         self._fields = 1 + 3 * markers
-        self._modulus = modulus
         self._checksum_required = checksum_required
         self._rest = b""
         self._skipping = False
-
-    @property
-    def modulus(self) -> int | None:
-        """Where the sender's counter wraps to 0, None for never."""
-        return self._modulus
 
     def receive(self, data: bytes) -> list[Event]:
         """The frames of all lines that `data` completes."""

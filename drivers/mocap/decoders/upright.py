@@ -9,24 +9,23 @@ class Upright:
     def __init__(self, decoder: Decoder) -> None:
         self.inner = decoder
         """what reads the bytes"""
-        self._decoder = decoder
 
     @property
     def modulus(self) -> int | None:
         """The inner decoder's."""
-        return self._decoder.modulus
+        return self.inner.modulus
 
     def receive(self, data: bytes) -> list[Event]:
         """Its events, frames turned."""
-        return [_turned(event) if isinstance(event, DecodedFrame) else event for event in self._decoder.receive(data)]
+        return [_turned(event) if isinstance(event, DecodedFrame) else event for event in self.inner.receive(data)]
 
     def restart(self) -> None:
         """The inner decoder's."""
-        self._decoder.restart()
+        self.inner.restart()
 
     def advice(self) -> str:
         """The inner decoder's."""
-        return self._decoder.advice()
+        return self.inner.advice()
 
 
 def _turned(frame: DecodedFrame) -> DecodedFrame:

@@ -237,7 +237,7 @@ def check_place(file: RigFile, lengths: Lengths | None, watched: Watched | None)
     settings = rig_settings(file).place
     wanted = f"at most {1e3 * settings.off:.0f} mm off"
     missing = "encoders or their zeros" if lengths is None else "the main marker"
-    places = [] if watched is None else [f.positions[0] for f in watched.frames if f.positions and f.positions[0]]
+    places = [] if watched is None else [f.main for f in watched.frames if f.main]
     if lengths is None or not places:
         return [Check(NAME, CheckVerdict.WARNING, f"not compared: {missing} not known", "correct that first", wanted)]
     seen = np.array(places)

@@ -12,13 +12,12 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, within
 from fidim_lab.app.formats.run_spec import RunSpec
 from fidim_lab.app.service.lock import Holder, holder
 from fidim_lab.app.service.place import ServicePlace
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
 from fidim_lab.say import printable
-from procedures.timing import within
 
 READY_WITHIN = 60.0
 """s for the service to open its rig"""

@@ -8,7 +8,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, within
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
@@ -19,7 +19,6 @@ from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.stop_file import Stopped
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
 from fidim_lab.say import printable
-from procedures.timing import within
 
 FORMAT = "fidim-stop/1"
 ANSWER_WITHIN = 2.0

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
+from drivers.clock import within
 from drivers.ports import Clock
 from fidim_lab.errors import SetupError
-from procedures.timing import within
 
 T = TypeVar("T")
 

@@ -9,6 +9,7 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from drivers.clock import within
 from drivers.ports import Clock
 from fidim_lab.app.formats.run_spec import NAME as RUN
 from fidim_lab.app.service.client import ServiceClient, connect
@@ -21,7 +22,6 @@ from fidim_lab.app.tui.aside import Aside
 from fidim_lab.app.tui.view import ScreenState, Tracker
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import FidimError, HardwareError
-from procedures.timing import within
 
 AGAIN = 1.0
 """s between two attempts to connect"""

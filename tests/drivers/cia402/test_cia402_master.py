@@ -143,7 +143,6 @@ def test_frames_nobody_waits_for_do_no_harm(in_process_bus: MakeBus, config: Mak
         for frame_id in (0x000, 0x083, 0x183, 0x283, 0x583, 0x703, 0x7FF):
             for size in range(9):
                 bus.deliver(frame_id, bytes([0x55] * size))
-        assert link.counters.unasked == 18
         assert link.counters.malformed == 2 + 8 + 9
         assert link.values is None
 

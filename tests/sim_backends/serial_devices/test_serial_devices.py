@@ -210,8 +210,7 @@ def test_a_load_cell_beyond_its_range_or_unplugged_grows_old_and_comes_back(tmp_
             await until(lambda: driver.counters.malformed >= 3)
             old = driver.latest()
             simulated.line.unplug()
-            await until(lambda: driver.counters.unplugged == 1)
-            assert driver.problem
+            await until(lambda: driver.problem)
             simulated.garbled = False
             assert driver.latest() is old
             simulated.line.plug()

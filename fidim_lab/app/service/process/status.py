@@ -198,7 +198,7 @@ class Gauges:
             window=recording[0],
             attempt=recording[1],
             t=tuple(round(frame.t, 5) for frame, _ in batch),
-            positions=tuple(frame.positions[0] if frame.positions else None for frame, _ in batch),
+            positions=tuple(frame.main for frame, _ in batch),
             tensions=tuple(
                 tuple(None if s is None else round(k * s.current, 3) for k, s in zip(self._factors, row, strict=True))
                 for _, row in batch
@@ -242,13 +242,12 @@ class Gauges:
         while self._marker_times and self._marker_times[0] < now - SECOND:
             self._marker_times.popleft()
         frame = source.latest()
-        positions = () if frame is None else frame.positions
         return MocapState(
             rate=source.rate,
             measured_rate=len(self._marker_times) / SECOND,
             age=None if frame is None else round(max(now - frame.t, 0.0), 4),
-            position=positions[0] if positions else None,
-            markers_seen=sum(p is not None for p in positions),
+            position=None if frame is None else frame.main,
+            markers_seen=0 if frame is None else sum(p is not None for p in frame.positions),
             counters=source.counters(),
         )
 

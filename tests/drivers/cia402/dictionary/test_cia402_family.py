@@ -12,7 +12,8 @@ from drivers.cia402.dictionary import GENERIC_EDS, Load, WinchConfig, family_pat
 from drivers.cia402.dictionary.family import FOLDER, GENERIC_FAMILY, built_in, families_of
 from drivers.cia402.dictionary.layout import used_pdos
 from drivers.cia402.dictionary.settings import identity, limits
-from drivers.cia402.motion.moves import Beside, make_sample, profile
+from drivers.cia402.motion.moves import make_sample, profile
+from drivers.cia402.watch.health import NOTHING_TOLD
 from drivers.cia402.wire.pdo import DriveValues
 from drivers.ports import DriveState
 from fidim_lab.errors import FileError
@@ -88,7 +89,7 @@ def test_epos2_speaks_of_rpm_and_milliamperes():
     mapped = [[f"{entry.mapping:08X}" for entry in pdo.entries] for pdo in used_pdos(config)]
     assert mapped[1] == ["606C0020", "20270010"]
     values = DriveValues(0.0, 0x27, 200_000, 1, -600, -1500)
-    sample = make_sample(values, config, config.scale, DriveState.OPERATION_ENABLED, Beside())
+    sample = make_sample(values, config, config.scale, DriveState.OPERATION_ENABLED, NOTHING_TOLD)
     assert sample.velocity == pytest.approx(-0.1)  # 600 rpm of the motor, one turn of the drum a second
     assert sample.current == pytest.approx(1.5)
     assert sample.length == pytest.approx(2.0)
