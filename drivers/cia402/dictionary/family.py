@@ -6,39 +6,25 @@ is absent is neither written nor asked for, in bring-up and in moves; what then 
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import isclose
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
-from fidim_lab.data.files.toml_file import read_toml_table
+from pydantic import AfterValidator, Field
+
+from fidim_lab.data.files.toml_file import Name, Positive, Table, read_toml_table, validated
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-drive-family/1"
 FOLDER = Path(__file__).parent / "families"
-LOADS = ("current", "torque")
-MODES_SHOWN = ("always", "enabled")
-_KEYS = {
-    "format",
-    "name",
-    "makers",
-    "source",
-    "speed",
-    "velocity",
-    "acceleration",
-    "load",
-    "rated_current",
-    "current_limit",
-} | {*("absent", "read_only", "not_mappable", "mode_shown")}
 
 
-@dataclass(frozen=True)
-class AmpereObject:
+class AmpereObject(Table):
     """A vendor object that holds a current."""
 
-    index: int
-    sub: int
-    ampere: float
+    index: Annotated[int, Field(ge=0x2000, le=0xFFFF)]
+    sub: Annotated[int, Field(ge=0, le=0xFF)] = 0
+    ampere: Positive
     """A for one digit"""
 
 
@@ -77,37 +63,59 @@ def speed_unit(told: int) -> str:
     return "" if name is None else f"{10.0**power:g} {name}" if power else name
 
 
-@dataclass(frozen=True)
-class DriveFamily:
+def _speed(unit: str) -> str:
+    """A unit of speeds; empty: none of its own."""
+    if unit:
+        counts_per_digit(unit, 1.0)
+    return unit
+
+
+def _ramp(unit: str) -> str:
+    if ramp_speed(unit, 1.0) is None:
+        _speed(unit)
+    return unit
+
+
+def _upper(objects: Mapping[str, str]) -> Mapping[str, str]:
+    return {name.upper(): why for name, why in objects.items()}
+
+
+_Objects = Annotated[Mapping[str, Name], AfterValidator(_upper)]
+"""objects as "6072:0", with a text each, which says why that is known"""
+_Speed = Annotated[str, AfterValidator(_speed)]
+
+
+class DriveFamily(Table):
     """One drive family; without arguments it keeps to the profile."""
 
+    format: str = Field(default=FORMAT, exclude=True)
     name: str = "generic CiA 402"
-    makers: tuple[str, ...] = ()
+    makers: tuple[Annotated[Name, AfterValidator(str.lower)], ...] = ()
     """words, in lower case, of which an EDS file's VendorName has one"""
     source: str = ""
     """where what it says comes from"""
-    speed: str = "counts/s"
+    speed: _Speed = "counts/s"
     """what one digit of 6081 and 607F is (`counts_per_digit`)"""
-    velocity: str = ""
+    velocity: _Speed = ""
     """of 606C and 60FF; empty: as speed"""
-    acceleration: str = ""
+    acceleration: Annotated[str, AfterValidator(_ramp)] = ""
     """of 6083 to 6085, each a second; or the time to a speed ("ms to 3000 rpm"); empty: as speed"""
-    load: str = "current"
-    """"current" (6078) or "torque" (6077), where it is no vendor object"""
+    load: Literal["current", "torque"] = "current"
+    """6078 or 6077, where it is no vendor object"""
     load_object: AmpereObject | None = None
-    """mappable; its size is in the EDS file"""
+    """mappable; its size is in the EDS file, and a family file calls it load"""
     rated_current: AmpereObject | None = None
     """in place of 6075: compared"""
     current_limit: AmpereObject | None = None
     """in place of 6072 and 6073"""
-    absent: Mapping[str, str] = field(default_factory=dict[str, str])
+    absent: _Objects = Field(default_factory=dict[str, str])
     """objects that it lacks, whatever its EDS file says, and why that is known"""
-    read_only: Mapping[str, str] = field(default_factory=dict[str, str])
+    read_only: _Objects = Field(default_factory=dict[str, str])
     """objects that it shows and does not let be written, and why that is known"""
-    not_mappable: Mapping[str, str] = field(default_factory=dict[str, str])
+    not_mappable: _Objects = Field(default_factory=dict[str, str])
     """objects that no PDO carries, and why that is known"""
-    mode_shown: str = "always"
-    """"always", or "enabled": 6061 is 0 until the drive is enabled"""
+    mode_shown: Literal["always", "enabled"] = "always"
+    """"enabled": 6061 is 0 until the drive is enabled"""
 
     @property
     def velocity_unit(self) -> str:
@@ -148,73 +156,7 @@ def read_family(path: Path) -> DriveFamily:
     """Read a family file. Raises FileError naming file and key."""
     if not path.exists():
         raise FileError(path, "", "no such file", hint=f"Built in are {', '.join(built_in())}.")
-    table = read_toml_table(path)
-    if table.get("format") != FORMAT:
-        raise FileError(path, "format", f'{table.get("format")!r}; this version reads "{FORMAT}"')
-    for key in table:
-        if key not in _KEYS:
-            raise FileError(path, key, "unknown key")
-    load = table.get("load", "current")
-    if not isinstance(load, dict) and load not in LOADS:
-        raise FileError(path, "load", f"{load!r}; there are {', '.join(LOADS)}, or a table of a vendor object")
-    shown = str(table.get("mode_shown", "always"))
-    if shown not in MODES_SHOWN:
-        raise FileError(path, "mode_shown", f"{shown!r}; there are {', '.join(MODES_SHOWN)}")
-    return DriveFamily(
-        name=str(table.get("name", path.stem)),
-        makers=_words(path, "makers", table.get("makers", [])),
-        source=str(table.get("source", "")),
-        speed=_unit(path, "speed", table.get("speed", "counts/s")),
-        velocity=_unit(path, "velocity", table["velocity"]) if "velocity" in table else "",
-        acceleration=_acceleration(path, table["acceleration"]) if "acceleration" in table else "",
-        load="current" if isinstance(load, dict) else load,
-        load_object=_object(path, "load", load) if isinstance(load, dict) else None,
-        rated_current=_optional(path, "rated_current", table),
-        current_limit=_optional(path, "current_limit", table),
-        absent=_objects(path, "absent", table),
-        read_only=_objects(path, "read_only", table),
-        not_mappable=_objects(path, "not_mappable", table),
-        mode_shown=shown,
-    )
-
-
-def _words(path: Path, key: str, said: Any) -> tuple[str, ...]:
-    if not isinstance(said, list) or not all(isinstance(word, str) and word for word in said):
-        raise FileError(path, key, f"{said!r}; a list of words is expected")
-    return tuple(word.lower() for word in said)
-
-
-def _unit(path: Path, key: str, said: Any) -> str:
-    try:
-        counts_per_digit(str(said), 1.0)
-    except ValueError as error:
-        raise FileError(path, key, str(error)) from error
-    return str(said)
-
-
-def _acceleration(path: Path, said: Any) -> str:
-    parted = _RAMP.fullmatch(str(said))
-    _unit(path, "acceleration", said if parted is None else parted[1])
-    return str(said)
-
-
-def _optional(path: Path, key: str, table: Mapping[str, Any]) -> AmpereObject | None:
-    return None if key not in table else _object(path, key, table[key])
-
-
-def _object(path: Path, key: str, table: Any) -> AmpereObject:
-    if not isinstance(table, dict) or not set(table) <= {"index", "sub", "ampere"}:
-        raise FileError(path, key, f"{table!r}; a table of index, sub and ampere is expected")
-    index, sub, ampere = table.get("index"), table.get("sub", 0), table.get("ampere")
-    if not isinstance(index, int) or not 0x2000 <= index <= 0xFFFF or not isinstance(sub, int) or not 0 <= sub <= 255:
-        raise FileError(path, key, f"index {index!r}, sub {sub!r}: an object is 0x2000 to 0xFFFF with a sub of a byte")
-    if isinstance(ampere, bool) or not isinstance(ampere, int | float) or not ampere > 0:
-        raise FileError(path, f"{key}, ampere", f"{ampere!r}; A for one digit, above 0")
-    return AmpereObject(index, sub, float(ampere))
-
-
-def _objects(path: Path, key: str, table: Mapping[str, Any]) -> Mapping[str, str]:
-    said = table.get(key, {})
-    if not isinstance(said, dict) or not all(isinstance(why, str) and why for why in said.values()):
-        raise FileError(path, key, 'objects as "6072:0" with a text each, which says why that is known')
-    return {name.upper(): why for name, why in said.items()}
+    table = {"name": path.stem, **read_toml_table(path)}
+    if isinstance(table.get("load"), dict):
+        table["load_object"] = table.pop("load")
+    return validated(path, table, DriveFamily, FORMAT)

@@ -178,7 +178,7 @@ def test_a_family_takes_away_and_shows():
         absent={"6084:0": "x"},
         read_only={"6083:0": "x"},
         not_mappable={"6061:0": "x"},
-        load_object=AmpereObject(0x2027, 0, 0.001),
+        load_object=AmpereObject(index=0x2027, ampere=0.001),
     )
     od = canopen.import_od(str(GENERIC_EDS), 3)
     add(od, 0x2027, 0, I32, mappable=True)

@@ -104,17 +104,20 @@ def test_our_eds_has_what_a_generic_drive_is_asked():
 
 GOOD = 'format = "fidim-drive-family/1"\nname = "ours"\n'
 WRONG = {
-    "format": ('format = "other/1"', "format: 'other/1'"),
+    "format": ('format = "other/1"', "format: is 'other/1'"),
     "key": (f"{GOOD}sped = 'rpm'", "sped: unknown key"),
     "speed": (f"{GOOD}speed = 'knots'", "speed: 'knots'; there are"),
-    "load": (f"{GOOD}load = 'weight'", "load: 'weight'; there are current, torque"),
-    "load object": (f"{GOOD}load = {{ index = 0x1000, ampere = 1.0 }}", "load: index 4096"),
-    "ampere": (f"{GOOD}load = {{ index = 0x2000, ampere = 0 }}", "load, ampere: 0; A for one digit"),
+    "load": (f"{GOOD}load = 'weight'", 'load: "weight"; allowed are "current" or "torque"'),
+    "load object": (
+        f"{GOOD}load = {{ index = 0x1000, ampere = 1.0 }}",
+        "load_object, index: 4096; at least 8192 is allowed",
+    ),
+    "ampere": (f"{GOOD}load = {{ index = 0x2000, ampere = 0 }}", "load_object, ampere: 0; more than 0 is allowed"),
     "limit": (f"{GOOD}current_limit = 3", "current_limit: 3; a table"),
-    "absent": (f'{GOOD}absent = {{ "6072:0" = "" }}', "with a text each"),
+    "absent": (f'{GOOD}absent = {{ "6072:0" = "" }}', 'absent, 6072:0: the text ""; it must have at least 1 character'),
     "unit": (f"{GOOD}acceleration = '0 turns/s'", "acceleration: '0 turns/s'; there are"),
-    "mode shown": (f"{GOOD}mode_shown = 'never'", "mode_shown: 'never'; there are always, enabled"),
-    "no unit": (f"{GOOD}velocity = 3", "velocity: '3'; there are"),
+    "mode shown": (f"{GOOD}mode_shown = 'never'", 'mode_shown: "never"; allowed are "always" or "enabled"'),
+    "no unit": (f"{GOOD}velocity = 3", "velocity: 3; a text is wanted"),
     "no TOML": ("= 3", "is not TOML"),
 }
 
