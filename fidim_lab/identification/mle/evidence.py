@@ -140,6 +140,11 @@ class GeometryOdds:
     chi2_gain: float = 0.0
     """fall of the sum of squares over χ²/dof of the open geometry; 0 where none was tried"""
 
+    @property
+    def leads(self) -> bool:
+        """Whether the open geometry is the better one."""
+        return self.log_bayes is not None and self.log_bayes >= ODDS
+
 
 NOT_WEIGHED = GeometryOdds()
 """the survey is stated"""
@@ -166,6 +171,12 @@ def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> GeometryOdds:
     open_cables, open_markers = best.factors
     factors = Factors(None if exact_cables else open_cables, None if exact_markers else open_markers)
     return GeometryOdds(factors, best.log_bayes, best.gain)
+
+
+def fall(exact: Fit, found: Fit) -> float:
+    """Of the sum of squares, over χ²/dof of the second fit: what was reached of `GeometryOdds.chi2_gain`."""
+    dof = sum(left.dof for left in found.remainders)
+    return (_cost(exact) - _cost(found)) / max(1.0, _cost(found) / dof)
 
 
 def over_factors(evidences: Float[np.ndarray, " F"]) -> tuple[float, int]:

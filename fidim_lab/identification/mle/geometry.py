@@ -12,7 +12,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.identification.mle.evidence import NOT_WEIGHED, Factors, GeometryOdds, weighed
+from fidim_lab.identification.mle.evidence import ALL_EXACT, NOT_WEIGHED, Factors, GeometryOdds, fall, weighed
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
@@ -21,6 +21,8 @@ from fidim_lab.model.mechanism import Mechanism
 
 GLANCE = replace(FINAL, rounds=0)
 """one simulation with derivatives, no step"""
+HALF = 0.5
+"""of the fall of the sum of squares that is foretold, which a fit must reach for an open geometry to be better"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,8 @@ def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:
         chosen = _usual(robot, says.factors)
         again = continued(found, chosen)
         found, opened = (found, opened) if again is None else (again, chosen)
+    if says.leads and fall(exact, found) < HALF * says.chi2_gain:  # foretold along what data do not determine
+        return Surveyed(exact, (), replace(says, factors=ALL_EXACT))
     return Surveyed(found, opened, says, exact)
 
 

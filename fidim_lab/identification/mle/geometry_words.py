@@ -54,7 +54,7 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry, *, answers: bool) -> t
     if weighed.log_bayes is None:
         return tuple(details)
     usual, scaled = _usual(weighed.factors)
-    if weighed.log_bayes < ODDS:
+    if not weighed.leads:
         return (
             f"The robot file has no [survey], and the recordings do not show whether its geometry is exact: every ± "
             f"assumes {usual}.",

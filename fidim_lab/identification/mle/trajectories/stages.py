@@ -87,6 +87,8 @@ class _Way:
     lost: tuple[int, ...] = ()
     whole: tuple[int, ...] = ()
     """recordings that are used to their limit whatever the horizon"""
+    near_until: float = EARLY
+    """s, the horizon from which it is searched anywhere"""
 
     def effort(self, before: float) -> Effort:
         """How hard to try before full length, having come so far (s)."""
@@ -110,7 +112,7 @@ class _Way:
         return carry_on(self.likelihood, found, self._prior(horizon), effort, self.free)
 
     def _prior(self, horizon: float) -> Prior:
-        if self.near is not None and horizon < min(EARLY, float(self.limits.max())):
+        if self.near is not None and horizon < self.near_until:
             return self.prior.by_existing(self.near)
         return self.prior.loosened(1.0 if horizon < EARLY else FAR_PRIOR)
 
@@ -134,12 +136,30 @@ def grow(
     """
     limits = np.array([recording.end for recording in likelihood.recordings])
     nearby = None if near is None else NearBody(near)
-    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last, nearby), start, horizons)
+    begun = _Way(likelihood, prior, free, limits, {}, last, nearby, near_until=min(EARLY, float(limits.max())))
+    way, optimum = _grown(begun, start, horizons)
     if optimum is None:
         return None
+    if optimum.ending is Ending.STUCK and nearby is not None:
+        way, optimum = _among_possible(begun, start, horizons, (way, optimum))
     if 0 < len(way.lost) < len(limits) and free.any() and not once:
         way, optimum = _found_again(way, optimum, limits, horizons)
     return Journey(optimum, way.ends(np.inf), way.slack, way.lost)
+
+
+def _among_possible(
+    begun: _Way, start: Point, horizons: tuple[float, ...], stuck: tuple[_Way, Optimum]
+) -> tuple[_Way, Optimum]:
+    """The way begun once more, to full length among bodies that can exist; the better of both.
+
+    Along what the data do not determine a fit may run to bodies that hardly can, where no derivative holds.
+    """
+    way, found = _grown(replace(begun, near_until=np.inf), start, horizons)
+    if found is None or len(way.lost) > len(stuck[0].lost):
+        return stuck
+    way = replace(way, near_until=begun.near_until)
+    free = way.optimise(found.point, float(way.limits.max()), way.last)
+    return stuck if free is None or free.cost >= stuck[1].cost else (way, free)
 
 
 def _found_again(
