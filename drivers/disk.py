@@ -9,10 +9,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
-from fidim_lab.errors import HardwareError, OurBugError
+from drivers.ports import Disk
+from fidim_lab.errors import FileError, HardwareError, OurBugError
 
 T = TypeVar("T")
 Job = Callable[[], object]
@@ -45,6 +47,36 @@ class InlineDisk:
     async def do(self, job: Callable[[], T], longest: float | None = None) -> T:
         """Carry it out."""
         return job()
+
+
+class BlockFile:
+    """A raw log's file: blocks in their order, and none after one that the disk has refused."""
+
+    def __init__(self, path: Path, what: str, disk: Disk | None) -> None:
+        """what: the log's name. disk: takes the blocks. Raises FileError where the file cannot be made."""
+        self.error: str | None = None
+        """why writing ended (full disk): whoever hands over blocks is never told by an exception"""
+        self._wrong = f"the {what} {path} cannot be written"
+        self._disk = InlineDisk() if disk is None else disk
+        try:
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise FileError(path, "", f"the {what} cannot be written: {error.strerror}.") from error
+
+    def put(self, block: bytes) -> None:
+        """Append it; never waits, never raises."""
+        self._disk.put(lambda: self._write(block), len(block))
+
+    def close(self) -> None:
+        """After all that was put."""
+        self._disk.put(self._file.close)
+
+    def _write(self, block: bytes) -> None:
+        try:
+            while block and self.error is None:
+                block = block[self._file.write(block) or 0 :]
+        except OSError as error:
+            self.error = f"{self._wrong}: {error.strerror}"
 
 
 class DiskThreads:

@@ -1,6 +1,6 @@
 """Time: how well marker frames and drive samples are dated, against simulated truth.
 
-Relative: `FrameClock`'s fit of a stream against the true exposures, up to the constant delay that arrivals cannot show.
+Relative: `fit_clock`'s fit of a stream against the true exposures, up to the constant delay that arrivals cannot show.
 Absolute: a winch jogs for some seconds; the delay of the markers against the encoder is the lag of best correlation.
 """
 

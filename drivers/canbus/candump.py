@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from drivers.canbus.transport import CanFrame
-from drivers.disk import InlineDisk
+from drivers.disk import BlockFile
 from drivers.ports import Disk
 from fidim_lab.data.files.input_file import open_input
 from fidim_lab.errors import FileError
@@ -34,29 +34,24 @@ def format_line(frame: CanFrame, channel: str = "can0") -> str:
 class CandumpLog:
     """Writes every frame that passes; flushed at 10 Hz of bus time, so that a killed process loses at most 0.1 s."""
 
-    def __init__(self, path: Path, channel: str = "can0", disk: Disk | None = None) -> None:
+    def __init__(self, path: Path, disk: Disk | None = None) -> None:
         """disk: takes the lines; whoever hands over a frame never waits. Raises FileError if it cannot be made."""
-        self._channel = channel
-        self._disk = InlineDisk() if disk is None else disk
+        self._file = BlockFile(path, "raw CAN log", disk)
         self._lock = threading.Lock()
         self._lines: list[str] = []
         self._closed = False
         self._flushed_at = float("-inf")
-        self.error: str | None = None
-        """why writing ended (full disk); a tap must not raise, so whoever records has to look here"""
-        self.lost = 0
-        """frames that came after that"""
-        try:
-            self._file = path.open("wb", buffering=0)
-        except OSError as error:
-            raise FileError(path, "", f"the raw CAN log cannot be written: {error.strerror}.") from error
+
+    @property
+    def error(self) -> str | None:
+        """Why writing ended (full disk); a tap must not raise, so whoever records has to look here."""
+        return self._file.error
 
     def write(self, frame: CanFrame) -> None:
         """Append one frame; never raises."""
-        line = format_line(frame, self._channel)
+        line = format_line(frame)
         with self._lock:
             if self.error is not None or self._closed:
-                self.lost += 1
                 return
             self._lines.append(line)
             if frame.t - self._flushed_at >= _FLUSH_S:
@@ -69,24 +64,12 @@ class CandumpLog:
             if not self._closed:
                 self._closed = True
                 self._flush()
-                self._disk.put(self._file.close)
+                self._file.close()
 
     def _flush(self) -> None:
         lines, self._lines = self._lines, []
         if lines:
-            block = ("\n".join(lines) + "\n").encode("ascii")
-            self._disk.put(lambda: self._put(block, len(lines)), len(block))
-
-    def _put(self, block: bytes, frames: int) -> None:
-        """A job: all of it, in order; nothing after what the disk has refused."""
-        if self.error is None:
-            try:
-                while block:
-                    block = block[self._file.write(block) or 0 :]
-            except OSError as error:
-                self.error = f"the raw CAN log {self._file.name} cannot be written: {error.strerror}"
-        if self.error is not None:
-            self.lost += frames
+            self._file.put(("\n".join(lines) + "\n").encode("ascii"))
 
     def __enter__(self) -> Self:
         return self

@@ -5,11 +5,10 @@ and touch it now and then. That line is the edge, over the mean of the counter, 
 below all points that is nearest to them on average. Least squares follows the mean latency and every spike instead:
 with 0.5 ms of exponential jitter it is 0.5–0.6 ms off where this one is off by a microsecond.
 
-`fit_clock` is for a recording (whole window at once), `FrameClock` for a running stream. The least latency itself
-cannot be seen in arrivals: it comes from the vendor's latency information, a trigger, or a motion seen by two sensors.
+The least latency itself cannot be seen in arrivals: it comes from the vendor's latency information, a trigger, or a
+motion seen by two sensors.
 """
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -107,37 +106,3 @@ def _edge_below(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, 
 
 def _turns_up(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
     return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
-
-
-class FrameClock:
-    """The fit over the last seconds of a running stream; begins anew when counter and clock no longer go together."""
-
-    def __init__(self, rate: float, *, window: float = 10.0, gap: float = 1.0) -> None:
-        """`window` is in s of stream; `gap` in s is the hole, or the slip of counter against clock, that ends a fit."""
-        self._rate = rate
-        self._period = 1.0 / rate
-        self._gap = gap
-        self._frames: deque[tuple[int, float]] = deque(maxlen=max(round(window * rate), LEAST_FRAMES))
-        self._start = (0, 0.0)
-        self.resets = 0
-
-    def update(self, number: int, arrival: float) -> None:
-        """Take a frame in order of its number, with its time of arrival in monotonic s."""
-        if self._frames and self._broken(number, arrival):
-            self._frames.clear()
-            self.resets += 1
-        if not self._frames:
-            self._start = (number, arrival)
-        self._frames.append((number, arrival))
-
-    def fit(self) -> ClockFit | None:
-        """The fit over the window, None while there are too few frames. Costs about a millisecond: ask rarely."""
-        if len(self._frames) < LEAST_FRAMES:
-            return None
-        numbers, arrivals = zip(*self._frames, strict=True)
-        return fit_clock(numbers, arrivals, self._rate)
-
-    def _broken(self, number: int, arrival: float) -> bool:
-        last, _ = self._frames[-1]
-        slip = arrival - self._start[1] - (number - self._start[0]) * self._period
-        return number <= last or (number - last) * self._period > self._gap or abs(slip) > self._gap

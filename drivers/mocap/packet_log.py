@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.disk import InlineDisk
+from drivers.disk import BlockFile
 from drivers.ports import Disk
 from fidim_lab.data.files.mcap_encoder import McapEncoder, nanoseconds
 from fidim_lab.data.files.mcap_file import read_mcap
-from fidim_lab.errors import FileError
 
 TOPIC = "/mocap/packets"
 PROFILE = "fidim-packets/1"
@@ -35,18 +34,16 @@ class PacketLog:
 
     def __init__(self, path: Path, disk: Disk | None = None) -> None:
         """disk: takes the packets; whoever hands one over never waits. Raises FileError where it cannot be made."""
-        self._path = path
-        self._disk = InlineDisk() if disk is None else disk
+        self._file = BlockFile(path, "raw motion-capture log", disk)
         self._closed = False
         self._flushed_at = float("-inf")
-        self.error: str | None = None
-        """why writing ended (full disk); a tap must not raise, so whoever records has to look here"""
         self._encoder = McapEncoder(profile=PROFILE)
         self._channel = self._encoder.add_channel(TOPIC, None, "application/octet-stream")
-        try:
-            self._file = path.open("wb", buffering=0)
-        except OSError as error:
-            raise FileError(path, "", f"the raw motion-capture log cannot be written: {error.strerror}.") from error
+
+    @property
+    def error(self) -> str | None:
+        """Why writing ended (full disk); a tap must not raise, so whoever records has to look here."""
+        return self._file.error
 
     def write(self, t: float, connection: int, data: bytes) -> None:
         """Append one packet; never raises."""
@@ -56,25 +53,14 @@ class PacketLog:
         self._encoder.add(self._channel, nanoseconds(t), packet)
         if t - self._flushed_at >= _FLUSH_S:
             self._flushed_at = t
-            self._put(self._encoder.flush())
+            self._file.put(self._encoder.flush())
 
     def close(self) -> None:
         """Write the index and close; may be called twice."""
         if not self._closed:
             self._closed = True
-            self._put(self._encoder.finish())
-            self._disk.put(self._file.close)
-
-    def _put(self, block: bytes) -> None:
-        self._disk.put(lambda: self._write(block), len(block))
-
-    def _write(self, block: bytes) -> None:
-        """A job: nothing after what the disk has refused."""
-        try:
-            while block and self.error is None:
-                block = block[self._file.write(block) or 0 :]
-        except OSError as error:
-            self.error = f"the raw motion-capture log {self._path} cannot be written: {error.strerror}"
+            self._file.put(self._encoder.finish())
+            self._file.close()
 
 
 def read_packets(path: Path) -> Iterator[Packet]:

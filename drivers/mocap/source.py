@@ -13,7 +13,6 @@ a reader may go on reading after it (only one that was too slow has to subscribe
 import asyncio
 from collections.abc import AsyncIterator, Callable
 
-from drivers.mocap.clock_fit import FrameClock
 from drivers.mocap.decoders.decoder import Decoder, Malformed
 from drivers.mocap.feeds import ByteFeed
 from drivers.mocap.sequence import Sequencer
@@ -28,7 +27,7 @@ SILENCE = 1.0
 
 
 class StreamMarkerSource:
-    """Marker frames from a byte feed. Frames are stamped with their arrival; `frame_clock` knows when they were due."""
+    """Marker frames from a byte feed. Frames are stamped with their arrival."""
 
     def __init__(
         self,
@@ -46,8 +45,6 @@ class StreamMarkerSource:
         """Frames a second, as configured, Hz."""
         self.problem = ""
         """The last thing that went wrong, in words; empty while nothing has."""
-        self.frame_clock = FrameClock(rate)
-        """Host time by frame number over the last 10 s."""
         self.decoder = decoder
         """What reads the bytes."""
         self._feed = feed
@@ -178,7 +175,6 @@ class StreamMarkerSource:
             previous, self._latest = self._latest, frame
             if previous is not None and frame.main is not None and frame.main == previous.main:
                 self._repeated += 1
-            self.frame_clock.update(frame.number, frame.t)
             self._readers.deliver(frame)
 
     def _report(self, error: FidimError) -> None:

@@ -3,10 +3,8 @@
 A Python file is a procedure when it has a generator function `procedure(lab)`: docs/procedures.md shows one.
 """
 
-from collections.abc import Callable, Mapping
-from collections.abc import Set as AbstractSet
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -49,8 +47,8 @@ class Listed:
     make: Make
     role: Role | None = None
     """that all its windows get, whatever the plan says"""
-    further: Callable[[Lab, AbstractSet[str]], Steps] | None = None
-    """the same for one that adds windows to the plan's: told which have their verdict when it is resumed"""
+    adds: bool = False
+    """windows to those of the plan"""
     alone: bool = False
     """never asks anybody anything"""
     needs: tuple[Role, ...] = ()
@@ -78,13 +76,13 @@ CATALOGUE: Mapping[str, Listed] = MappingProxyType(
         "compare": Listed(
             "record the plan, explain it, record the most informative windows: until the verdict is clear",
             compare,
-            further=compare,
+            adds=True,
             needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
         "compare-by-winches": Listed(
             "compare without a hand, excited as by excite",
             compare_by_winches,
-            further=compare_by_winches,
+            adds=True,
             alone=True,
             needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
@@ -117,21 +115,15 @@ def experiment(
             )
     if entry.role is not None:
         plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))
-    make = entry.make
-    if entry.further is not None and resumption is not None:
-        make = partial(_further, entry.further, frozenset(resumption.rows))
-        resumption = replace(resumption, goes_on=True)
+    if resumption is not None:
+        resumption = replace(resumption, goes_on=entry.adds)
     own = Path(name) if name.endswith(".py") else None
-    return checked_experiment(make, plan, robot, settings, statics, resumption, own)
+    return checked_experiment(entry.make, plan, robot, settings, statics, resumption, own)
 
 
 def never_asks(name: str) -> bool:
     """Whether a procedure needs nobody to answer a prompt. Raises SetupError for an unknown name."""
     return _entry(name).alone
-
-
-def _further(make: Callable[[Lab, AbstractSet[str]], Steps], done: AbstractSet[str], lab: Lab) -> Steps:
-    return make(lab, done)
 
 
 def _entry(name: str) -> Listed:

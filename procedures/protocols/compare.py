@@ -5,8 +5,6 @@ The plan's windows come first (some of them with the role `validate`, on which e
 `compare` has windows displaced as `identify` does, `compare_by_winches` as `excite`: no hand, no prompt.
 """
 
-from collections.abc import Set as AbstractSet
-
 import numpy as np
 
 from fidim_lab.data.records import PlannedWindow, Role
@@ -25,34 +23,30 @@ ESTIMATE = 90.0
 """s of an explanation"""
 
 
-def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
-    """The steps; done: windows that have their verdict from an earlier process."""
-    return _compare(lab, done, WindowProtocol(lab))
+def compare(lab: Lab) -> Steps:
+    """The steps."""
+    return _compare(lab, WindowProtocol(lab))
 
 
-def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
+def compare_by_winches(lab: Lab) -> Steps:
     """The same without a hand."""
     from procedures.protocols.excite import ExciteProtocol  # scipy's optimizers: nobody else waits for them
 
-    return _compare(lab, done, ExciteProtocol(lab))
+    return _compare(lab, ExciteProtocol(lab))
 
 
-def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
+def _compare(lab: Lab, protocol: WindowProtocol) -> Steps:
     at = yield from begin(lab.robot.n, lab.settings, attended=protocol.attended)
     at, swinging = yield from windows_of(lab.plan, protocol, at, lab.recorded, lab.swings)
-    left = [id_ for id_ in FURTHER if id_ not in done]
+    left = [id_ for id_ in FURTHER if id_ not in lab.done]
     while True:
         found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)
         if found.answer == Clarity.CLEAR:
             yield Note(remark="the verdict is clear")
             return
         if found.answer != Clarity.UNCLEAR or not left:
-            more = (
-                ""
-                if left
-                else f" {len(FURTHER)} further windows have been recorded; a person must decide how to continue."
-            )
-            yield Stop(outcome=Outcome.FAIL, reason=f"The verdict is not clear: {found.reason}{more}")
+            more = f" {len(FURTHER)} further windows have been recorded; a person must decide how to continue."
+            yield Stop(outcome=Outcome.FAIL, reason=f"The verdict is not clear: {found.reason}{'' if left else more}")
         id_ = left.pop(0)
         yield Note(window=id_, remark="recorded because the verdict is not clear yet")
         try:

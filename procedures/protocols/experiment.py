@@ -1,6 +1,7 @@
 """A procedure on a robot, checked: `checked_experiment` makes one from a plan and a generator of steps."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -65,6 +66,8 @@ class Lab:
     route: Route = straight
     attempts: Mapping[str, int] = field(default_factory=dict[str, int])
     """recordings that an earlier process made, by window: numbers go on after them"""
+    done: AbstractSet[str] = frozenset()
+    """windows that have their verdict from an earlier process"""
     recorded: int = 0
     """windows to identify from that an earlier process has kept"""
     swings: bool = False
@@ -106,7 +109,8 @@ def checked_experiment(
     beyond = partial(beyond_limits, robot=robot, workspace=workspace, motion=settings.motion)
     lab = Lab(left, robot, settings, route, beyond=beyond)
     if resumption is not None:
-        lab = replace(lab, attempts=resumption.attempts, recorded=resumption.recorded, swings=resumption.swings)
+        known = {"attempts": resumption.attempts, "recorded": resumption.recorded, "swings": resumption.swings}
+        lab = replace(lab, done=frozenset(resumption.rows), **known)
     procedure: Procedure = partial(make, lab)
     outline = Outline(procedure)
     check_moves(outline.steps, robot, workspace, settings.motion)

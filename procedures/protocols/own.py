@@ -18,7 +18,7 @@ from fidim_lab.errors import FidimError, FileError, SetupError
 from procedures.control import Intervention
 from procedures.interruption import Aborted
 from procedures.protocols.experiment import Lab, Make
-from procedures.protocols.own_checks import mistake, unyielded
+from procedures.protocols.own_checks import mistake, shown, unyielded
 from procedures.steps import Accept, Record, Result, Step, Steps
 
 PACKAGES = ("drivers", "fidim_lab", "procedures", "sim_backends")
@@ -61,7 +61,7 @@ def _told(path: Path, function: Any, lab: Lab) -> Steps:
     try:
         steps = function(lab)
         if not isinstance(steps, Generator):
-            raise FileError(path, "procedure", f"gives {_shown(steps)}; it must yield steps.", hint=HINT)
+            raise FileError(path, "procedure", f"gives {shown(steps)}; it must yield steps.", hint=HINT)
         yield from _steps(path, steps, lab)
     except (FidimError, Intervention, Aborted):
         raise
@@ -102,7 +102,7 @@ def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:
                 )
             if not isinstance(step, Step):
                 how = ": write `yield from` before a generator" if isinstance(step, Generator) else ""
-                raise FileError(path, line, f"yields {_shown(step)}, which is not a step{how}.", hint=HINT)
+                raise FileError(path, line, f"yields {shown(step)}, which is not a step{how}.", hint=HINT)
             if wrong := mistake(step, lab, windows):
                 raise FileError(path, line, f"step {number}, {wrong}.", hint=HINT)
             if beyond := lab.beyond(step):
@@ -154,8 +154,3 @@ def _place(path: Path, error: Exception) -> tuple[Path, str]:
 
 def _is_own(file: Path) -> bool:
     return file.is_file() and not any(file.resolve().is_relative_to(folder) for folder in INSTALLED)
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -64,7 +64,7 @@ def mistake(step: Step, lab: Lab, windows: Sequence[str]) -> str:
     for field in fields(step):
         value = getattr(step, field.name)
         if not _fits(value, hints[field.name]):
-            return f"{kind}: {field.name} is {_shown(value)}; {_wanted(value, hints[field.name])} is needed"
+            return f"{kind}: {field.name} is {shown(value)}; {_wanted(value, hints[field.name])} is needed"
         if field.name in MOTION and value <= 0:
             return f"{kind}: {field.name} is {value:g}; more than 0 is needed"
         if field.name in LENGTHS and value is not None and len(value) != lab.robot.n:
@@ -119,6 +119,7 @@ def _wanted(value: object, wanted: Any) -> str:
     return getattr(wanted, "__name__", str(wanted))
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """A value for a message, or what kind of thing it is where that is long."""
     text = repr(value)
     return f"a {type(value).__name__}" if len(text) > 60 else text

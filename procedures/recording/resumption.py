@@ -92,9 +92,9 @@ class Resumption:
     """recordings begun, by window"""
     place: LastPlace | None
     """None where no winch was ever seen"""
-    swings: bool = False
+    swings: bool
     """a person was asked to move or calm the platform, and it was not seen at rest since"""
-    part: int = 1
+    part: int
     """of the run that begins now; the first one was 0"""
     goes_on: bool = False
     """the procedure may have more to do than the plan's windows"""

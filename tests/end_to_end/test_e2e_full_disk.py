@@ -99,7 +99,7 @@ def test_a_full_disk_under_the_raw_log(rehearsal, monkeypatch, step):
         logs.append(log)
 
     def fill(_stage):
-        logs[0]._file = FullFile(logs[0]._file)
+        logs[0]._file._file = FullFile(logs[0]._file._file)
 
     monkeypatch.setattr(CandumpLog, "__init__", noted)
     rehearsal.at(step, fill, after=0.3)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.mocap.clock_fit import fit_clock
 from drivers.mocap.decoders import Decoder, MarkerObjects, MarkerTextDecoder, ViconUdpDecoder
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import MarkerFrame, MarkerSource
@@ -276,8 +277,8 @@ def test_the_same_seed_gives_the_same_frames() -> None:
 
 def test_its_clock_finds_the_servers() -> None:
     rig = Rig(timing=StreamTiming(200.0, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01))
-    run(rig.record(12.0))
-    fit = rig.source.frame_clock.fit()
+    frames = run(rig.record(12.0))
+    fit = fit_clock([frame.number for frame in frames], [frame.t for frame in frames], 200.0)
     assert fit is not None
     assert fit.rate == pytest.approx(1.0 + 30e-6, abs=1.5e-6)
     assert fit.time(1400) == pytest.approx(1400 * (1.0 + 30e-6) / 200.0 + 4e-3, abs=5e-6)

@@ -34,7 +34,7 @@ def there(lab):
 
 def go(world, lab, folder, answers, done=frozenset(), resumption=None):
     def make(made):
-        return compare(made, done)
+        return compare(replace(made, done=done))
 
     experiment = checked_experiment(
         make, lab.plan, world.robot, world.settings, statics=lambda v: v * 0 + 60.0, resumption=resumption

@@ -32,10 +32,10 @@ def test_a_full_disk_under_the_packets(tmp_path):
     log = PacketLog(path)
     for k in range(50):
         log.write(0.01 * k, 1, b"before")
-    file, log._file = log._file, FullFile()
+    file, log._file._file = log._file._file, FullFile()
     for k in range(50, 100):
         log.write(0.01 * k, 1, b"after")
-    log._file = file
+    log._file._file = file
     log.close()
     assert log.error == f"the raw motion-capture log {path} cannot be written: No space left on device"
     assert {packet.data for packet in read_packets(path)} == {b"before"}
