@@ -5,7 +5,7 @@ from procedures.steps import Phase, Step
 
 
 class Pulse:
-    """The running step, for guards and listeners: the engine's only mutable state."""
+    """What is true of the run now."""
 
     def __init__(self) -> None:
         self.step: Step | None = None

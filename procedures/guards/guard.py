@@ -2,7 +2,7 @@
 
 A guard is told what is seen and says, in a sentence, what is wrong, or nothing. Threshold, hysteresis, duration and age
 are its own; an old value counts as a violation. The first trip ends the run: `watch` returns it, the engine latches it.
-The guards themselves are in `robot_guards`, `drive_guards` and `host_guards`.
+The guards themselves are in the files beside this one.
 """
 
 from collections.abc import Callable, Sequence

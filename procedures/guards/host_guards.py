@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.disk import InlineDisk
 from drivers.ports import Disk
 from fidim_lab.errors import HardwareError
 from procedures.guards.guard import HOST_LOOP, Guard, Observation, Reacting
@@ -47,14 +46,12 @@ class DiskGuard:
     name = "disk"
     reaction = Reaction.HOLD
 
-    def __init__(
-        self, folder: Path, spare: float, free: Callable[[Path], float] | None = None, disk: Disk | None = None
-    ) -> None:
+    def __init__(self, folder: Path, spare: float, disk: Disk, free: Callable[[Path], float] | None = None) -> None:
         """disk: asks, for a share that is gone does not answer."""
         self._folder = folder
         self._spare = spare
         self._free = free or _free
-        self._disk = InlineDisk() if disk is None else disk
+        self._disk = disk
         self._next = 0.0
         self._low: float | None = None
 
@@ -124,10 +121,7 @@ def _free(folder: Path) -> float:
         return float("inf")  # the recorder says better what is wrong with it
 
 
-def host_guards(
-    folder: Path, settings: GuardSettings, wall: Callable[[], float], disk: Disk | None = None
-) -> tuple[Guard, ...]:
+def host_guards(folder: Path, settings: GuardSettings, wall: Callable[[], float], disk: Disk) -> tuple[Guard, ...]:
     """A fresh set for one run into a folder, reacting as the settings say."""
-    space = DiskGuard(folder, settings.disk_spare, disk=disk)
-    guards = (LoopGuard(settings.loop_late), space, ClockStepGuard(wall))
+    guards = (LoopGuard(settings.loop_late), DiskGuard(folder, settings.disk_spare, disk), ClockStepGuard(wall))
     return tuple(Reacting.by(settings, guard) for guard in guards)

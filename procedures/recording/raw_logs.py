@@ -8,7 +8,6 @@ from pathlib import Path
 
 from drivers.canbus.candump import CandumpLog
 from drivers.canbus.transport import CanFrame
-from drivers.disk import InlineDisk
 from drivers.mocap.packet_log import PacketLog
 from drivers.ports import Disk
 
@@ -19,10 +18,10 @@ CAN, MOCAP = "can", "mocap"
 class RawLogs:
     """Both raw logs of one run; taps never raise."""
 
-    def __init__(self, folder: Path, disk: Disk | None = None) -> None:
+    def __init__(self, folder: Path, disk: Disk) -> None:
         """disk: takes what is logged."""
         self._folder = folder / RAW
-        self._disk = InlineDisk() if disk is None else disk
+        self._disk = disk
         self._frames: CandumpLog | None = None
         self._packets: PacketLog | None = None
 

@@ -13,7 +13,6 @@ from drivers.mocap.decoders.vicon_packets import (
     PacketSplitter,
     StreamPacket,
     enums,
-    frame_rate,
     packet,
 )
 
@@ -80,8 +79,6 @@ class ViconDataStreamDecoder:
         """as in the rig file"""
         self.latency: float | None = None
         """s that the system took from exposure to sending, by its own account; None until it says so"""
-        self.rate: float | None = None
-        """Hz by its own account"""
         self.unlabelled = 0
         """markers of the newest frame that belong to no subject"""
         self._splitter = PacketSplitter()
@@ -160,8 +157,6 @@ class ViconDataStreamDecoder:
         match kind:
             case PacketBlock.LATENCY:
                 self.latency = _latency(body)
-            case PacketBlock.STREAM_INFO:
-                self.rate = frame_rate(body)
             case PacketBlock.OBJECT_ENUMS:
                 self._offered = enums(body)
             case _:

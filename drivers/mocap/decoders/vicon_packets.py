@@ -18,10 +18,6 @@ LONGEST_PACKET = 1 << 24
 """bytes; a video frame may be large, a damaged length is larger"""
 _MAGIC_BYTES = MAGIC.to_bytes(4, "little")
 _HEADER = struct.Struct("<II")
-_TICKS, _MICROSECONDS = 135e6, 1e6
-"""a second, in which the stream tells its period: the vendor's server and others'"""
-_FASTEST = 2000.0
-"""Hz of cameras; what would be faster in ticks is told in microseconds"""
 
 
 class PacketBlock(IntEnum):
@@ -141,16 +137,6 @@ def enums(body: bytes) -> frozenset[int]:
         return frozenset(int(fields.take(_U32)[0]) for _ in range(fields.count(4)))
     except struct.error:
         return frozenset()
-
-
-def frame_rate(body: bytes) -> float | None:
-    """Hz from a STREAM_INFO block; None where it says none."""
-    if len(body) < 8:
-        return None
-    period = int.from_bytes(body[:8], "little", signed=True)
-    if period <= 0:
-        return None
-    return _TICKS / period if _TICKS / period <= _FASTEST else _MICROSECONDS / period
 
 
 _U32 = struct.Struct("<I")

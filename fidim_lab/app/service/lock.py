@@ -8,6 +8,7 @@ import os
 import stat
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -49,7 +50,7 @@ def holder(place: ServicePlace) -> Holder | None:
         if descriptor is None or not _is_held(descriptor):
             return None
         told = _read(descriptor)
-        return Holder(_confirmed(descriptor, told.pid), told.folder, told.port, told.stopped)
+        return replace(told, pid=_confirmed(descriptor, told.pid))
 
 
 def running(places: Iterable[ServicePlace]) -> list[tuple[ServicePlace, Holder]]:
@@ -104,9 +105,8 @@ class Lock:
 
     def tell(self, port: int = 0) -> None:
         """Write down who holds it."""
-        who = Holder(self._who.pid, self._who.folder, port, self._who.stopped)
         os.ftruncate(self._descriptor, 0)
-        os.pwrite(self._descriptor, _HOLDER.dump_json(who), 0)
+        os.pwrite(self._descriptor, _HOLDER.dump_json(replace(self._who, port=port)), 0)
 
 
 def in_use(who: Holder) -> str:

@@ -1,13 +1,11 @@
 """What counts as seen: one rule for every format, and a marker that two have the name of."""
 
 import math
-import struct
 
 import pytest
 
 from drivers.mocap.decoders import MarkerObjects, MarkerTextDecoder, OscDecoder, ViconDataStreamDecoder, ViconUdpDecoder
 from drivers.mocap.decoders.decoder import DecodedFrame, Malformed, frame_of, is_place
-from drivers.mocap.decoders.vicon_packets import frame_rate
 from sim_backends.mocap.datastream import DataStreamEncoder
 from sim_backends.mocap.encoders import OscEncoder, ViconEncoder
 
@@ -65,8 +63,3 @@ def test_an_object_twice_in_a_block_is_damage_where_the_two_differ():
 def test_the_only_marker_of_the_datastream_that_belongs_to_no_subject(strays, place):
     decoder = ViconDataStreamDecoder(("unlabelled",))
     assert decoder.receive(DataStreamEncoder(("m",), strays=strays).encode(1, [THERE])) == [DecodedFrame(1, (place,))]
-
-
-@pytest.mark.parametrize(("period", "rate"), [(1_350_000, 100.0), (10_000, 100.0), (135_000, 1000.0), (0, None)])
-def test_the_period_in_ticks_or_in_microseconds(period, rate):
-    assert frame_rate(struct.pack("<q", period)) == rate

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.disk import InlineDisk
 from fidim_lab.errors import HardwareError
 from procedures.events import RunFinished, StepStarted, Tripped, Warned
 from procedures.guards.guard import Observation, watch
@@ -76,7 +77,7 @@ def test_the_host_guard_tells_of_a_standstill_itself():
 
 def test_a_disk_is_low_until_there_is_clearly_more(tmp_path):
     free = [300e6]
-    guard = DiskGuard(tmp_path, 200e6, lambda _: free[0])
+    guard = DiskGuard(tmp_path, 200e6, InlineDisk(), lambda _: free[0])
     assert guard.look(at(0.0)) is None
     free[0] = 100e6
     assert guard.look(at(1.0)) is None, "looked at every five seconds only"
@@ -113,7 +114,7 @@ def test_a_step_of_the_clock_is_told_once(by, told):
 def test_a_stepped_clock_warns_and_the_run_goes_on(world, lab, tmp_path):
     jump = [0.0]
     world.at("Record", lambda: jump.__setitem__(0, 7200.0))
-    guards = host_guards(tmp_path, GuardSettings(disk_spare=0.0), lambda: world.now() + jump[0])
+    guards = host_guards(tmp_path, GuardSettings(disk_spare=0.0), lambda: world.now() + jump[0], InlineDisk())
     report = world.run(lab.one, tmp_path / "run", guards=guards)
     assert report.outcome is Outcome.PASS
     (warning,) = [e for e in world.events if isinstance(e, Warned)]
@@ -124,7 +125,7 @@ def test_a_stepped_clock_warns_and_the_run_goes_on(world, lab, tmp_path):
 @pytest.mark.parametrize("reaction", [Reaction.HOLD, Reaction.QUICK_STOP])
 def test_a_full_disk_ends_the_run_by_the_reaction_of_the_table(reaction, world, lab, tmp_path):
     settings = GuardSettings(disk_spare=1e30, reactions={"disk": reaction})
-    report = world.run(lab.one, tmp_path / "run", guards=host_guards(tmp_path, settings, world.now))
+    report = world.run(lab.one, tmp_path / "run", guards=host_guards(tmp_path, settings, world.now, InlineDisk()))
     assert report.outcome is Outcome.ERROR
     (trip,) = [e.trip for e in world.events if isinstance(e, Tripped)]
     assert (trip.guard, trip.reaction) == ("disk", reaction)

@@ -7,6 +7,7 @@ import pytest
 
 from drivers.canbus.candump import read_candump
 from drivers.canbus.transport import CanFrame
+from drivers.disk import InlineDisk
 from drivers.mocap.packet_log import PacketLog, read_packets
 from fidim_lab.errors import FileError
 from procedures.recording.raw_logs import RawLogs, can_logs, packet_logs
@@ -14,7 +15,7 @@ from procedures.recording.raw_logs import RawLogs, can_logs, packet_logs
 
 def test_a_resumed_run_gets_further_files(tmp_path):
     for part in range(11):
-        logs = RawLogs(tmp_path)
+        logs = RawLogs(tmp_path, InlineDisk())
         logs.on_frame(CanFrame(0x80, b"", 0.0))  # before it is open: not its matter
         logs.open()
         logs.on_frame(CanFrame(0x181, bytes([part]), float(part)))

@@ -8,7 +8,6 @@ from fidim_lab.app.tui.paint import Line, Span, Style
 
 DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """bits of U+2800, by row and column"""
-BLANK = "\u2800"
 
 
 @dataclass(frozen=True, eq=False)
