@@ -46,6 +46,8 @@ class WindowBalance:
     noise: Series
     """(N,) (m/s²)²: mean square of what does not balance that noise of the markers makes, for the nominal body; large
     where few markers hardly show a free motion (three cables, one marker)"""
+    speeds: Series
+    """(N,) m/s: of the markers, rms"""
 
 
 def balance(mechanism: Mechanism, window: Window) -> WindowBalance | None:
@@ -64,10 +66,11 @@ def balance(mechanism: Mechanism, window: Window) -> WindowBalance | None:
         noise = _noise(mechanism.robot, motion, free, body[seen]) * nodes.gains[np.searchsorted(nodes.t, motion.t)] ** 2
     except (FidimError, np.linalg.LinAlgError):
         return None
+    speeds = np.sqrt((nodes.speed**2).sum(axis=2).mean(axis=1))[np.searchsorted(nodes.t, motion.t)]
     across = np.swapaxes(free, 1, 2)
     left = across @ platform_regressor(motion, robot.gravity)
     inertial = across @ platform_regressor(motion, np.zeros(3))
-    return WindowBalance(window, motion.t, left, inertial, noise)
+    return WindowBalance(window, motion.t, left, inertial, noise, speeds)
 
 
 def balances_of(campaign: Campaign) -> tuple[WindowBalance, ...]:

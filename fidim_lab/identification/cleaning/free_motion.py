@@ -45,6 +45,9 @@ class FreeMotionRule:
     rest"""
     still: float = 2.0
     """times the inertial forces, left over where the platform does not move: no free motion has so little of them"""
+    slow: float = 0.5
+    """of the window's rms speed, below which the platform may be held: where it swings through, few markers show too
+    little of its inertial forces"""
     balanced: float = 0.25
     """of a window's nodes that must balance, so that the others say something"""
     block: float = 1.0
@@ -177,7 +180,8 @@ def _disturbed(one: WindowBalance, chi: Float[np.ndarray, "10"], rule: FreeMotio
     own = max(float(np.median(left)), float(np.median(one.noise)))
     unmoved = left > rule.share**2 * inertial
     found = unmoved & (left > rule.above**2 * own)
-    found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own)
+    slow = _averaged(one.t, one.speeds**2, rule) < rule.slow**2 * np.mean(one.speeds**2)
+    found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own) & slow
     for begin, end in runs(unmoved & (left > rule.goes_on**2 * own)):
         found[begin:end] = found[begin:end].any()
     if not _says(one, chi, rule):
