@@ -43,3 +43,18 @@ def test_where_two_markers_hardly_show_the_motion_there_is_no_hand(irma4, exact_
         held = np.tile(lengths, (len(seen), 1))
         windows.append(Window(f"w{k + 1}", Role.IDENTIFY, motion.t, seen, held, None))
     assert hands(Campaign("two markers", robot, 100.0, tuple(windows))) == {}
+
+
+@pytest.mark.parametrize(("speed", "is_held"), [(0.0, True), (1.0, False)], ids=["at rest", "swinging through"])
+def test_what_is_left_over_where_the_inertial_forces_are_small_is_a_hand_only_at_rest(recorded, speed, is_held):
+    exact = recorded(seconds=3.0)
+    known = balance(Mechanism(exact.robot), exact.windows[0])
+    middle = np.abs(known.t - known.t.mean()) < 0.3
+    chi = parameter_vector(exact.robot.nominal)
+    size = np.linalg.norm(known.inertial @ chi, axis=1)
+    left = np.zeros_like(known.left)
+    left[:, 0, 0] = np.where(middle, 0.6, 0.25) * np.median(size)  # m/s² per unit mass, whatever the body
+    inertial = np.where(middle[:, None, None], 0.0, known.inertial)
+    disturbed = replace(known, left=left, inertial=inertial, speeds=np.where(middle, speed, 1.0))
+    cuts = hands(replace(exact, windows=exact.windows[:1]), [disturbed])
+    assert bool(cuts) == is_held
