@@ -2,7 +2,7 @@
 
 A pipeline of stages, each of which hands one frozen value to the next:
 
-    campaign → Cleaned (`clean`) → Reached (`rounds`: fits and searches, begun again where recordings were not right)
+    campaign → Cleaned (`clean`) → Reached (`with_corrections`, `rounds`: fits and searches)
              → Judged (`judge`, `unless_outdone`) → Explanation (`tell`)
              → the same with geometry, readings, clocks, what has no name, test windows, whole windows, what was cut out
 """
@@ -31,6 +31,7 @@ from fidim_lab.mismatch.conclusion.timing import with_timing
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import Judged, judge
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
+from fidim_lab.mismatch.corrected import with_corrections
 from fidim_lab.mismatch.fitting.baseline import Baseline, ready
 from fidim_lab.mismatch.linearised.hypotheses import check_known
 from fidim_lab.mismatch.rounds import Reached, Rounds
@@ -66,7 +67,7 @@ def explain(
     begin, budget = perf_counter(), Budget(effort, patience)
     cleaned = clean(campaign, say=say)
     rounds = Rounds(ready(campaign.robot, native=native), say, budget, frozenset(without))
-    reached = rounds.reached(cleaned)
+    reached = with_corrections(rounds, cleaned)
     last = reached.last
     judged = unless_outdone(judge(last.found), last.found, last.cleaned.campaign, say)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)

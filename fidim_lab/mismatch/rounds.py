@@ -1,11 +1,12 @@
 """Rounds of cleaning, fitting and searching: from a cleaned campaign to the end of its search.
 
 A round is begun again where what it found says that the campaign was not what it should be: a push that only the best
-model shows is cut out, clocks that run apart are put right, readings that are off are put right, a geometry that the
-robot file gets wrong is opened. Each time the new round is kept only where it explains as much by no more effects.
+model shows is cut out, clocks that run apart are put right, a geometry that the robot file gets wrong is opened. Each
+time the new round is kept only where it explains as much by no more effects. What differs between windows is for
+`corrected`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fidim_lab.data.records import Campaign, Robot
@@ -20,10 +21,10 @@ from fidim_lab.mismatch.conclusion.timing import RATE, one_clock, retimed
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.scores.views import View
-from fidim_lab.mismatch.selection.candidates import candidate, improves
-from fidim_lab.mismatch.selection.general_geometry import FirstLook, most_of_effects, opened, rival
+from fidim_lab.mismatch.selection.beside_terms import Beside
+from fidim_lab.mismatch.selection.general_geometry import FirstLook, opened, rival
 from fidim_lab.mismatch.selection.select import Selection, select
-from fidim_lab.mismatch.session.changes import SETTLED, SessionChanges, session_changes
+from fidim_lab.mismatch.session.changes import SessionChanges
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
@@ -66,7 +67,12 @@ class Reached:
     """by the clocks as they were recorded"""
     last: Round
     changes: SessionChanges | None = None
-    """what was put right of the readings"""
+    """between windows, for which the campaign was corrected"""
+
+    @property
+    def terms(self) -> int:
+        """Effects and changes together."""
+        return len(self.last.found.best.model.tried) + (0 if self.changes is None else len(self.changes.found))
 
     @property
     def before(self) -> Baseline:
@@ -86,94 +92,8 @@ class Rounds:
     budget: Budget
     without: frozenset[str] = frozenset()
     """ids of effects that are not tried"""
-
-    def reached(self, cleaned: Cleaned) -> Reached:
-        """All rounds of a cleaned campaign. Raises RefusedError where no window can be fitted at all."""
-        recorded = self.fitted(cleaned.campaign)
-        look = FirstLook(recorded, self.say)
-        right = self._instead_of_effects(cleaned, look)
-        if right is not None:
-            return self._beside_what_was_found(cleaned, right, recorded)
-        found = self.searched(cleaned, recorded, look)
-        changes = self._beside_effects(found)
-        if changes is None:
-            return found
-        again = self._put_right(cleaned, changes).searched(recorded)
-        kept = again.last.found.best.is_white and again.last.unexplained <= found.last.unexplained
-        return again if kept else found
-
-    def _instead_of_effects(self, cleaned: Cleaned, look: FirstLook) -> "_Right | None":
-        """The readings put right, where their errors take nearly all and effects or geometry say less.
-
-        A wrong geometry makes lengths miss by another amount in every window too: an error counts only where it is
-        evident beside an open geometry, and more so than any effect there.
-        """
-        recorded, seen = look.exact, look.seen
-        changes = session_changes(recorded.fit, recorded.campaign, SHARED.enough)
-        if changes is None or _effects_say_more(seen, changes):
-            return None
-        beside: SessionChanges | None = None
-        if not recorded.geometry:
-            beside = session_changes(look.opened.fit, recorded.campaign, SHARED.enough)
-            if beside is None or _effects_say_more(FirstLook(look.opened, self.say).seen, beside):
-                return None
-            changes = changes if changes.kinds <= beside.kinds else beside
-        right = self._sharpened(cleaned, self._put_right(cleaned, changes), lambda look: look.exact)
-        if seen is None:
-            return right
-        if changes.moves_body and beside is not None and right.look.seen is not None:  # a wrong geometry bends it
-            right = self._sharpened(cleaned, self._put_right(cleaned, beside), lambda look: look.opened)
-        before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.look.exact))
-        if not (after.is_white or recorded.geometry):  # what an open geometry takes as well is not theirs
-            before, after = (candidate(one.as_it_is, one.predicted) for one in (look.opened, right.look.opened))
-        takes = after.is_white or after.whiteness.excess < SHARED.half * before.whiteness.excess
-        return right if takes and improves(after, before, feeble=True) else None
-
-    def _beside_what_was_found(self, cleaned: Cleaned, right: "_Right", recorded: Baseline) -> Reached:
-        """Where the search ends, with the body estimated again beside the effects that it found."""
-        found = right.searched(recorded)
-        best = found.last.found.best.model
-        if not (right.changes.moves_body and best.tried):
-            return found
-        sharper, moved = right.changes.sharpened(best.fit)
-        if moved < SETTLED:
-            return found
-        again = self._put_right(cleaned, sharper).searched(recorded)
-        return again if again.last.unexplained <= found.last.unexplained else found
-
-    def _beside_effects(self, found: Reached) -> SessionChanges | None:
-        """What the readings are off by beside effects that leave only noise of the markers."""
-        best, last = found.last.found.best, found.last
-        if not (best.is_white and best.model.tried and best.model.whole):
-            return None
-        general = rival(last.found.last)
-        if general is not None and general.best > ODDS:
-            return None  # a geometry that could be open says as much
-        return session_changes(best.model.fit, last.cleaned.campaign, SHARED.enough)
-
-    def _put_right(self, cleaned: Cleaned, changes: SessionChanges) -> "_Right":
-        """The readings as their sensors should have read, and the body as each window has it, fitted."""
-        what = "the body is" if changes.moves_body else "lengths or cameras read"
-        self.say(f"{what} not the same in all windows: fitting with that corrected")
-        right = changes.put_right(cleaned.campaign)
-        rounds = self.of_robot(right.robot)
-        return _Right(rounds, replace(cleaned, campaign=right), FirstLook(rounds.fitted(right), self.say), changes)
-
-    def _sharpened(self, cleaned: Cleaned, right: "_Right", fitted: Callable[[FirstLook], Baseline]) -> "_Right":
-        """The same with the body estimated again at its own fits; fitted: which of these, of the look at each.
-
-        Where another effect is missing, too, that may lead away: what follows the motion less well is not taken.
-        """
-        for _ in range(SHARED.rounds if right.changes.moves_body else 0):
-            before = fitted(right.look)
-            sharper, moved = right.changes.sharpened(before.fit)
-            if moved < SETTLED:
-                break
-            again = self._put_right(cleaned, sharper)
-            if fitted(again.look).short.excess > before.short.excess:
-                break
-            right = again
-        return right
+    seeks_changes: bool = True
+    """whether a search is broken off for what differs between windows"""
 
     def of_robot(self, robot: Robot) -> "Rounds":
         """The same of a robot whose sensors have another noise."""
@@ -183,10 +103,15 @@ class Rounds:
             else replace(self, mechanism=ready(robot, native=self.mechanism.native))
         )
 
-    def searched(self, cleaned: Cleaned, recorded: Baseline, look: FirstLook) -> Reached:
-        """Where the search ends, with the clocks and the geometry as they say most. look: at these windows."""
+    def searched(
+        self, cleaned: Cleaned, recorded: Baseline, look: FirstLook, known: Completed | None = None
+    ) -> Reached:
+        """Where the search ends, with the clocks and the geometry as they say most.
+
+        look: at these windows. known: a model that may leave only noise of them.
+        """
         exact, surveyed = look.exact, look.instead_of_a_search
-        first, last = self._gone(cleaned, surveyed or exact, seen=look.seen if surveyed is None else None)
+        first, last = self._gone(cleaned, surveyed or exact, known, seen=look.seen if surveyed is None else None)
         if surveyed is None:
             first, last = self._with_geometry_open(cleaned, exact, first, last)
         return Reached(self.mechanism, recorded, exact, first, last)
@@ -201,6 +126,8 @@ class Rounds:
         audited = audit(cleaned, baseline, say=self.say)
         begun = baseline if audited is None else self.fitted(audited.campaign, baseline)
         first = self._look(audited or cleaned, begun, known, seen)
+        if first.found.changes is not None:
+            return first, first
         kept = restored(cleaned, first.cleaned, first.found.best.model, self.say)
         if kept is not None:
             all_put_back = kept.campaign.windows == cleaned.campaign.windows
@@ -224,25 +151,29 @@ class Rounds:
     ) -> Round:
         """Search; where it is broken off for pushes, cut these out and search again.
 
-        Where the geometry says more than any further effect, it is opened and searched so. Where the windows without
+        Where the geometry says more than any further effect, it is opened and searched so; where it is what differs
+        between windows, that is for `corrected`. Where the windows without
         pushes leave structure too, the pushes were none: the last round that was broken off is then searched to its end
         instead. So it is with the geometry, which stays open where it leaves less than half.
         """
         broken_off: list[Round] = []
         free = baseline.campaign.robot.survey is None and not baseline.geometry
-        found = select(baseline, self.say, known=known, budget=self.budget, seen=seen, geometry=free)
+        beside = Beside(geometry=free, changes=self.seeks_changes)
+        found = select(baseline, self.say, known=known, budget=self.budget, seen=seen, beside=beside)
         while found.pushes or found.opening is not None:
             broken_off.append(Round(cleaned, baseline, found))
             known = found.best.model
             if found.opening is not None:
-                known, free = found.opening.beside, False
+                known, beside = found.opening.beside, replace(beside, geometry=False)
                 baseline = opened(baseline, found.opening.factor, self.say)
             else:
                 cleaned = _without(cleaned, found.pushes, self.say)
                 baseline = self.fitted(cleaned.campaign, baseline)
             more = len(broken_off) < MOST_CUTS
-            found = select(baseline, self.say, pushes=more, known=known, budget=self.budget, geometry=free)
+            found = select(baseline, self.say, pushes=more, known=known, budget=self.budget, beside=beside)
         reached = Round(cleaned, baseline, found)
+        if found.changes is not None:
+            return reached
         surveyed = any(before.found.opening is not None for before in broken_off)
         for before in reversed(broken_off):
             if reached.found.best.is_white or self.budget.is_spent:
@@ -250,7 +181,7 @@ class Rounds:
             found = select(before.baseline, self.say, pushes=False, budget=self.budget)
             again = Round(before.cleaned, before.baseline, found, surveyed=surveyed)
             alike = bool(before.baseline.geometry) == bool(reached.baseline.geometry)
-            reached = again if alike or _takes_more(again, reached) else reached
+            reached = again if alike or takes_more(again, reached) else reached
         return reached
 
     def _by_the_right_clock(self, first: Round) -> Round:
@@ -276,7 +207,7 @@ class Rounds:
     def _with_geometry_open(self, cleaned: Cleaned, exact: Baseline, first: Round, last: Round) -> tuple[Round, Round]:
         """The rounds with an open geometry, where that says more than what was found and explains as much."""
         best = last.found.best
-        settled = last.surveyed or (best.is_white and not best.model.tried)
+        settled = last.surveyed or last.found.changes is not None or (best.is_white and not best.model.tried)
         if settled or exact.campaign.robot.survey is not None or self.budget.is_spent:
             return first, last
         seen = last.found.last
@@ -291,34 +222,13 @@ class Rounds:
         after = end.found.best
         if best.is_white or after.is_white:
             return (again, end) if end.unexplained <= last.unexplained else (first, last)
-        return (first, last) if _takes_more(last, end) else (again, end)
+        return (first, last) if takes_more(last, end) else (again, end)
 
 
-@dataclass(frozen=True, eq=False)
-class _Right:
-    """A campaign whose readings were put right, with its baseline."""
-
-    rounds: Rounds
-    """of the robot with the noise that was found"""
-    cleaned: Cleaned
-    look: FirstLook
-    changes: SessionChanges
-
-    def searched(self, recorded: Baseline) -> Reached:
-        """Where the search of it ends. recorded: the baseline of the campaign as it was recorded."""
-        found = self.rounds.searched(self.cleaned, recorded, self.look)
-        return replace(found, changes=self.changes)
-
-
-def _takes_more(exact: Round, surveyed: Round) -> bool:
+def takes_more(exact: Round, surveyed: Round) -> bool:
     """Whether a round with the robot file's geometry leaves only noise, or not twice what an open geometry leaves."""
     best, other = exact.found.best, surveyed.found.best
     return best.is_white or other.whiteness.excess >= SHARED.half * best.whiteness.excess
-
-
-def _effects_say_more(seen: View | None, changes: SessionChanges) -> bool:
-    """Whether readings do not lead the effects that were looked at by odds of 20; never where nothing is missing."""
-    return seen is not None and changes.nats < most_of_effects(seen, changes.temper) + ODDS
 
 
 def _without(cleaned: Cleaned, pushes: Sequence[Contact], say: Say) -> Cleaned:

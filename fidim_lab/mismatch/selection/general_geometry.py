@@ -115,11 +115,14 @@ class FirstLook:
     say: Say
 
     @cached_property
+    def scores(self) -> View:
+        """All scores at the model as it is."""
+        return view(self.exact.as_it_is, self.exact.tried, self.exact.context)
+
+    @cached_property
     def seen(self) -> View | None:
-        """All scores, where the model leaves more than noise; None where nothing is missing."""
-        exact = self.exact
-        is_white = candidate(exact.as_it_is, exact.predicted).is_white
-        return None if is_white else view(exact.as_it_is, exact.tried, exact.context)
+        """The same, where the model leaves more than noise; None where nothing is missing."""
+        return None if candidate(self.exact.as_it_is, self.exact.predicted).is_white else self.scores
 
     @cached_property
     def general(self) -> Rival | None:

@@ -1,7 +1,8 @@
 """Additions to a model, one after the other: for the first seconds where needed, then for whole windows.
 
-The search may end early: at pushes within a few windows that are all that is left, or where an open geometry says more
-than any further effect. What a search that has ended thinks better of is in `select`.
+The search may end early: at pushes within a few windows that are all that is left, or where an open geometry, or what
+differs between windows, says more than any further effect. What a search that has ended thinks better of is in
+`select`.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +21,7 @@ from fidim_lab.mismatch.fitting.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.additions import Addition
+from fidim_lab.mismatch.selection.beside_terms import Beside, ChangesBeside
 from fidim_lab.mismatch.selection.candidates import (
     Candidate,
     accepted,
@@ -31,7 +33,7 @@ from fidim_lab.mismatch.selection.candidates import (
     of_model,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
-from fidim_lab.mismatch.selection.general_geometry import Opening, opening
+from fidim_lab.mismatch.selection.general_geometry import Opening
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.selection.trials import Trials
 from fidim_lab.mismatch.selection.unions import unions
@@ -50,13 +52,13 @@ class SearchState:
     """all scores at the best model"""
     pushes: tuple[Contact, ...] = ()
     """that are all that is left, for which it was broken off"""
-    opening: Opening | None = None
-    """of the geometry, for which it was broken off"""
+    beside: Opening | ChangesBeside | None = None
+    """the terms, for which it was broken off"""
 
     @property
     def is_broken_off(self) -> bool:
-        """Whether windows are to be cut, or the geometry is to be opened, before it goes on."""
-        return bool(self.pushes) or self.opening is not None
+        """Whether windows are to be cut or corrected, or the geometry is to be opened, before it goes on."""
+        return bool(self.pushes) or self.beside is not None
 
 
 class Search:
@@ -69,10 +71,10 @@ class Search:
         look_for_pushes: bool,
         budget: Budget,
         seen: View | None = None,
-        open_geometry: bool = False,
+        beside: Beside | None = None,
     ) -> None:
         self.start, self.say, self.look_for_pushes, self.budget = start, say, look_for_pushes, budget
-        self.open_geometry = open_geometry
+        self.beside = beside or Beside()
         self.trials = Trials(start, say, budget, seen)
 
     def known_to_do(self, known: Completed | None) -> Candidate | None:
@@ -88,8 +90,10 @@ class Search:
         self.trials.tried.append(judged)
         return judged
 
-    def over_first_seconds(self, is_outdone: Callable[[Completed], bool]) -> tuple[list[Completed], Opening | None]:
-        """The few best models of the first seconds, the best first; and the opening for which it was broken off.
+    def over_first_seconds(
+        self, is_outdone: Callable[[Completed], bool]
+    ) -> tuple[list[Completed], Opening | ChangesBeside | None]:
+        """The few best models of the first seconds, the best first; and what it was broken off for.
 
         is_outdone: says of several effects that leave structure there, whether it is in vain to go on.
         """
@@ -98,9 +102,9 @@ class Search:
             seen = self.trials.look(best)
             if self.budget.is_spent:
                 break
-            geometry = opening(seen) if self.open_geometry else None
-            if geometry is not None:
-                return [best], geometry
+            beside = self.beside.leading(seen, self.start.campaign)
+            if beside is not None:
+                return [best], beside
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = more_convincing(best, fresh) or self._exchanged(seen) or self._found_anew(seen)
             if further is None:
@@ -189,9 +193,9 @@ class Search:
             left = self._pushes_left(best, *_best_score(seen))
             if left:
                 return SearchState(best, seen, left)
-            geometry = opening(seen) if self.open_geometry and not best.is_white else None
-            if geometry is not None:
-                return SearchState(best, seen, opening=geometry)
+            beside = None if best.is_white else self.beside.leading(seen, self.start.campaign)
+            if beside is not None:
+                return SearchState(best, seen, beside=beside)
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is None:
                 return SearchState(best, seen, self._pushes_left(best) or self._pushes_alike(best))

@@ -13,6 +13,7 @@ from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.scores.views import PERIODIC, View
+from fidim_lab.mismatch.selection.beside_terms import Beside, ChangesBeside
 from fidim_lab.mismatch.selection.candidates import (
     Candidate,
     accepted,
@@ -50,14 +51,24 @@ class Selection:
     """all scores at the best model: what could still be added, or stand in the place of what is in"""
     pushes: tuple[Contact, ...] = ()
     """for which the search was broken off: all but these windows follow the best model"""
-    opening: Opening | None = None
-    """of the geometry, for which the search was broken off"""
+    beside: Opening | ChangesBeside | None = None
+    """the best model's terms, for which the search was broken off"""
     cut_short: str = ""
     """why it was not gone on with, where structure stays and the budget is spent"""
     alone: UnknownForce | None = None
     """one unknown wrench, where it was asked for: without terms where none explains nearly all"""
     outdone: Completed | None = None
     """the best model of the first seconds, where that wrench says more, so that the search went no further"""
+
+    @property
+    def opening(self) -> Opening | None:
+        """Of the geometry, where it was broken off for that."""
+        return self.beside if isinstance(self.beside, Opening) else None
+
+    @property
+    def changes(self) -> ChangesBeside | None:
+        """Between windows, where it was broken off for these."""
+        return self.beside if isinstance(self.beside, ChangesBeside) else None
 
 
 def select(
@@ -68,30 +79,30 @@ def select(
     known: Completed | None = None,
     budget: Budget | None = None,
     seen: View | None = None,
-    geometry: bool = False,
+    beside: Beside | None = None,
 ) -> Selection:
     """Search for what was left out, starting from the fits of the model as it is.
 
     pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
     with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
-    seen: all scores at a baseline, where they are known. geometry: break off where an open one says more than effects.
+    seen: all scores at a baseline, where they are known. beside: what to break off for where it says more than effects.
     """
-    search = Search(start, say, pushes, budget or Budget(), seen, geometry)
+    search = Search(start, say, pushes, budget or Budget(), seen, beside)
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"without any effect: {baseline.held_out.says}")
     settled = None if baseline.is_white else search.known_to_do(known)
     best, lone = settled or baseline, LoneWrench(baseline, start.campaign, say)
     hands: tuple[Contact, ...] = ()
     if settled is None and not start.follows:
-        short, opens = search.over_first_seconds(lambda model: lone.seek([model]).outdoes([model]))
-        outdone = opens is None and lone.seek(short).outdoes(short)
-        if opens is None and not outdone:
+        short, other = search.over_first_seconds(lambda model: lone.seek([model]).outdoes([model]))
+        outdone = other is None and lone.seek(short).outdoes(short)
+        if other is None and not outdone:
             best, hands = search.best_over_all(baseline, short, lone.leaves_noise)
             outdone = lone.leaves_noise and not best.is_white
         first = search.trials.first
-        if first is not None and (outdone or opens is not None):
+        if first is not None and (outdone or other is not None):
             tried = tuple(sorted([baseline, *search.trials.tried], key=rank))
-            done = Selection(baseline, baseline, tried, tuple(search.trials.passing), first, first, opening=opens)
+            done = Selection(baseline, baseline, tried, tuple(search.trials.passing), first, first, beside=other)
             return replace(done, alone=lone.found, outdone=short[0]) if outdone else done
     standing = search.over_whole_windows(best, hands)
     # a model with which a search ended stood among its imitators already
@@ -108,7 +119,7 @@ def select(
         first=standing.last if search.trials.first is None else search.trials.first,
         last=standing.last,
         pushes=standing.pushes,
-        opening=standing.opening,
+        beside=standing.beside,
         cut_short=search.budget.says if search.budget.is_spent and not best.is_white else "",
         alone=lone.found,
     )

@@ -52,6 +52,13 @@ class SessionChange:
         """m"""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def is_evident(self) -> bool:
+        """Whether θ, as it was estimated beside all others, still says enough."""
+        precision = np.linalg.inv(self.covariance)
+        nats = self.theta @ precision @ self.theta - np.linalg.slogdet(self.size**2 * precision)[1]
+        return bool(0.5 * nats >= SHARED.enough)
+
 
 @dataclass(frozen=True, eq=False)
 class SessionChanges:
@@ -88,11 +95,14 @@ class SessionChanges:
     def sharpened(self, found: Fit) -> tuple["SessionChanges", float]:
         """Estimated again at a fit of the campaign that these have put right, and by how many sd they moved at most.
 
-        A body acts on a motion of many swings by more than to first order.
+        A body acts on a motion of many swings by more than to first order. What is not evident any more is left out,
+        unless that is all.
         """
+        steady = [one for one in self.found if not one.kind.is_scatter]
+        if not steady:
+            return self, 0.0
         seen = influence(found)
         temper = seen.temper(np.zeros(len(seen.gradient)))
-        steady = [one for one in self.found if not one.kind.is_scatter]
         design = np.hstack([one.kind.design(seen, self.order) for one in steady])
         before = np.concatenate([one.theta for one in steady])
         prior = np.concatenate([np.full(len(one.theta), 1 / one.size**2) for one in steady])
@@ -107,10 +117,9 @@ class SessionChanges:
             else one
             for one in self.found
         )
-        body = Body.from_vector(found.values[:BODY])
-        return replace(self, found=told, temper=temper, body=body), float(
-            np.abs(step / np.sqrt(np.diag(covariance))).max()
-        )
+        evident = tuple(one for one in told if one.kind.is_scatter or one.is_evident) or told
+        moved = float(np.abs(step / np.sqrt(np.diag(covariance))).max())
+        return replace(self, found=evident, temper=temper, body=Body.from_vector(found.values[:BODY])), moved
 
     def put_right(self, campaign: Campaign) -> Campaign:
         """The campaign as its sensors should have read it, with the noise that they have and the body of each window.
