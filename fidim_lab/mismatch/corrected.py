@@ -2,7 +2,8 @@
 
 Changes between windows (`session`) and effects bend each other: what leads comes first, and is estimated again beside
 the other as soon as a model on the way says so. A correction is kept where it leaves noise with one effect at most
-beside it, or else no more terms than a search without it; where neither leaves noise, where it leaves not half as much.
+beside it, or else where its terms say more than those of a search without it; where neither leaves noise, where it
+leaves not half as much.
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.rounds import Reached, Rounds, takes_more
-from fidim_lab.mismatch.selection.beside_terms import effects_say_more
+from fidim_lab.mismatch.selection.beside_terms import Beside, effects_say_more
 from fidim_lab.mismatch.selection.candidates import candidate, improves
 from fidim_lab.mismatch.selection.general_geometry import FirstLook, rival
 from fidim_lab.mismatch.session.changes import SETTLED, SessionChanges, session_changes
@@ -34,14 +35,14 @@ def with_corrections(rounds: Rounds, cleaned: Cleaned) -> Reached:
     corrected = None if right is None else session.searched(right)
     if corrected is not None and (session.suffices(right, look) or _is_plain(corrected)):
         return corrected
-    found = replace(rounds, seeks_changes=right is None).searched(cleaned, recorded, look)
+    found = replace(rounds, beside=Beside(changes=right is None)).searched(cleaned, recorded, look)
     off = found.last.found.changes
     if off is not None:
         right = session.corrected(off.changes)
         corrected = None if right is None else session.searched(right)
         if corrected is not None and _is_plain(corrected):
             return corrected
-        found = replace(rounds, seeks_changes=False).searched(cleaned, recorded, look)
+        found = replace(rounds, beside=Beside()).searched(cleaned, recorded, look)
     elif corrected is None:
         corrected = session.beside_effects(found)
     return found if corrected is None or not _explains_more(corrected, found) else corrected
@@ -59,7 +60,8 @@ class _Corrected:
 
     def searched(self, recorded: Baseline, known: Completed | None, *, seeks: bool) -> Reached:
         """Where the search of it ends, or is broken off for changes that are seen better beside a model."""
-        found = replace(self.rounds, seeks_changes=seeks).searched(self.cleaned, recorded, self.look, known)
+        beside = Beside(corrected=self.changes if seeks else None)
+        found = replace(self.rounds, beside=beside).searched(self.cleaned, recorded, self.look, known)
         return replace(found, changes=self.changes)
 
 
@@ -111,7 +113,10 @@ class _Session:
         for _ in range(SHARED.rounds):
             off, best = found.last.found.changes, found.last.found.best.model
             known = best if off is None else off.beside
-            sharper = self._again(right, known.fit) if known.tried else None
+            if off is not None:
+                sharper = self.corrected(off.changes)
+            else:
+                sharper = self._again(right, best.fit) if best.tried else None
             if sharper is None:
                 break
             again = sharper.searched(self.recorded, known, seeks=off is not None)
@@ -177,8 +182,9 @@ def _is_plain(found: Reached) -> bool:
 
 
 def _explains_more(corrected: Reached, found: Reached) -> bool:
-    """Whether it leaves noise with fewer terms than the search without the correction, or less than half as much."""
+    """Whether it leaves noise and each further term says enough of held-out windows, or else less than half as much."""
     best, other = corrected.last.found.best, found.last.found.best
     if best.is_white and other.is_white:
-        return corrected.terms < found.terms
+        further = corrected.terms - found.terms
+        return best.held_out.chi2 + 2 * SHARED.enough * further < other.held_out.chi2
     return best.is_white or not takes_more(found.last, corrected.last)

@@ -7,7 +7,8 @@ time the new round is kept only where it explains as much by no more effects. Wh
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.cleaning.free_motion import whole_id
@@ -92,8 +93,8 @@ class Rounds:
     budget: Budget
     without: frozenset[str] = frozenset()
     """ids of effects that are not tried"""
-    seeks_changes: bool = True
-    """whether a search is broken off for what differs between windows"""
+    beside: Beside = field(default_factory=partial(Beside, changes=True))
+    """what a search is broken off for, besides an open geometry"""
 
     def of_robot(self, robot: Robot) -> "Rounds":
         """The same of a robot whose sensors have another noise."""
@@ -158,7 +159,7 @@ class Rounds:
         """
         broken_off: list[Round] = []
         free = baseline.campaign.robot.survey is None and not baseline.geometry
-        beside = Beside(geometry=free, changes=self.seeks_changes)
+        beside = replace(self.beside, geometry=free)
         found = select(baseline, self.say, known=known, budget=self.budget, seen=seen, beside=beside)
         while found.pushes or found.opening is not None:
             broken_off.append(Round(cleaned, baseline, found))

@@ -109,6 +109,9 @@ class Search:
             further = more_convincing(best, fresh) or self._exchanged(seen) or self._found_anew(seen)
             if further is None:
                 break
+            beside = self._instead_of(further, fresh)
+            if beside is not None:
+                return [beside.beside], beside
             best = self.trials.in_best_form(self.trials.pruned(further))
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
             if best.is_white or (len(best.tried) > 1 and is_outdone(best)):
@@ -119,6 +122,11 @@ class Search:
         near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < SHARED.close]
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in _distinct([best, *near])[: SHARED.leaders] if m.tried], None
+
+    def _instead_of(self, further: Completed, fresh: Sequence[Completed]) -> ChangesBeside | None:
+        """Changes between windows beside a model with fewer terms than the one that is to be accepted."""
+        fewer = [model for model in fresh if 0 < len(model.tried) < len(further.tried)]
+        return self.beside.instead_of(further, fewer, self.start.campaign)
 
     def _exchanged(self, seen: View) -> Completed | None:
         """The model that was looked at with another effect in the place of a term, where that is more convincing.
@@ -199,6 +207,9 @@ class Search:
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is None:
                 return SearchState(best, seen, self._pushes_left(best) or self._pushes_alike(best))
+            beside = self._instead_of(further.model, [one.model for one in fresh])
+            if beside is not None:
+                return SearchState(best, seen, beside=beside)
             pushed = self._with_pushes(further, fresh, seen)
             if pushed is not None:
                 return pushed
