@@ -14,6 +14,7 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.corrected import with_corrections
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.rounds import Rounds
@@ -191,7 +192,7 @@ def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: R
     geometry_open = opened(exact, 1.0, lambda _: None)
     assert session_changes(geometry_open.fit, wrong, SHARED.enough) is None
     rounds = Rounds(exact.short.likelihood.mechanism, lambda _: None, Budget())
-    reached = rounds.reached(clean(wrong))
+    reached = with_corrections(rounds, clean(wrong))
     assert reached.changes is None
     assert reached.last.baseline.geometry
 
@@ -220,3 +221,23 @@ def test_a_load_beside_a_wrong_geometry_is_told_with_both() -> None:
     assert [one.id for one in found.effects] == ["body-step"], found.message
     assert found.geometry is not None
     assert found.effects[0].parameters["s_x"].value == pytest.approx(6.4e-4, abs=6e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("change", "effect"),
+    [
+        ("body-step:m=0.15,at=330", "swivel-damping:c=0.05"),
+        ("length-step:by=0.0004,cable=1,at=330", "swivel-friction:c=0.007"),
+        ("camera-drift:x=0.002,y=0,z=-0.001", "air-drag-quadratic:c=1"),
+    ],
+)
+def test_a_change_and_an_effect_are_told_beside_each_other(change: str, effect: str) -> None:
+    """Each bends what is estimated of the other alone."""
+    robot = read_robot(PAPERS_ROBOT)
+    recipe = SealedRecipe("both", robot, (change, effect), NATIVE, (8, 4), 100.0, True, 305)
+    found = explain(sealed_campaign(recipe)[0])
+    told = {one.id for one in found.effects} | {reading.id for reading in found.readings}
+    assert found.verdict is Verdict.EXPLAINED
+    assert told == {change.split(":")[0], effect.split(":")[0]}, found.message
