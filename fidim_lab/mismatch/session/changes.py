@@ -103,22 +103,11 @@ class SessionChanges:
             return self, 0.0
         seen = influence(found)
         temper = seen.temper(np.zeros(len(seen.gradient)))
-        design = np.hstack([one.kind.design(seen, self.order) for one in steady])
-        before = np.concatenate([one.theta for one in steady])
-        prior = np.concatenate([np.full(len(one.theta), 1 / one.size**2) for one in steady])
-        inner = np.diag(prior) + design.T @ seen.information @ design / temper
-        step = np.linalg.solve(inner, design.T @ seen.gradient / temper - prior * before)
-        covariance = np.linalg.inv(inner)
-        ends = np.cumsum([len(one.theta) for one in steady])
-        places = {id(one): slice(end - len(one.theta), end) for one, end in zip(steady, ends, strict=True)}
-        told = tuple(
-            replace(one, theta=(before + step)[at], covariance=covariance[at, at])
-            if (at := places.get(id(one))) is not None
-            else one
-            for one in self.found
-        )
+        designs = [one.kind.design(seen, self.order) for one in steady]
+        again = _estimated(steady, designs, seen.information / temper, seen.gradient / temper)
+        told = _in_place_of(steady, again, self.found)
         evident = tuple(one for one in told if one.kind.is_scatter or one.is_evident) or told
-        moved = float(np.abs(step / np.sqrt(np.diag(covariance))).max())
+        moved = max(float((abs(new.theta - old.theta) / new.sd).max()) for old, new in zip(steady, again, strict=True))
         return replace(self, found=evident, temper=temper, body=Body.from_vector(found.values[:BODY])), moved
 
     def put_right(self, campaign: Campaign) -> Campaign:
@@ -204,17 +193,13 @@ class _Search:
 
     def sized(self, chosen: Sequence[SessionChange], temper: float) -> tuple[SessionChange, ...]:
         """With the θ of each beside the others."""
-        told: list[SessionChange] = []
-        for one in chosen:
-            if one.kind.is_scatter:
-                told.append(one)
-                continue
-            information, gradient = self._given([other for other in chosen if other is not one], temper)
-            design = one.kind.design(self.seen, self.order)
-            inner = np.eye(design.shape[1]) / one.size**2 + design.T @ information @ design
-            theta = np.linalg.solve(inner, design.T @ gradient)
-            told.append(replace(one, theta=theta, covariance=np.linalg.inv(inner)))
-        return tuple(told)
+        steady = [one for one in chosen if not one.kind.is_scatter]
+        if not steady:
+            return tuple(chosen)
+        information, gradient = self._given([one for one in chosen if one.kind.is_scatter], temper)
+        begun = [replace(one, theta=np.zeros(one.kind.chosen.shape[1])) for one in steady]
+        designs = [one.kind.design(self.seen, self.order) for one in steady]
+        return _in_place_of(steady, _estimated(begun, designs, information, gradient), chosen)
 
     def _weighed(self, chosen: Sequence[SessionChange], temper: float) -> list[SessionChange]:
         """The best of each group beside what was chosen, with the group's evidence, the most evident first."""
@@ -240,6 +225,30 @@ class _Search:
             information = information - across @ np.linalg.solve(inner, across.T)
             gradient = gradient - across @ np.linalg.solve(inner, design.T @ gradient)
         return information, gradient
+
+
+def _estimated(
+    changes: Sequence[SessionChange], designs: Sequence[np.ndarray], information: np.ndarray, gradient: np.ndarray
+) -> list[SessionChange]:
+    """The likeliest θ of all together; information and gradient (over the noise) by z, at the θ that they have."""
+    design, before = np.hstack(designs), np.concatenate([one.theta for one in changes])
+    prior = np.concatenate([np.full(len(one.theta), 1 / one.size**2) for one in changes])
+    inner = np.diag(prior) + design.T @ information @ design
+    theta = before + np.linalg.solve(inner, design.T @ gradient - prior * before)
+    covariance = np.linalg.inv(inner)
+    ends = np.cumsum([len(one.theta) for one in changes])
+    places = [slice(end - len(one.theta), end) for one, end in zip(changes, ends, strict=True)]
+    return [
+        replace(one, theta=theta[at], covariance=covariance[at, at]) for one, at in zip(changes, places, strict=True)
+    ]
+
+
+def _in_place_of(
+    before: Sequence[SessionChange], after: Sequence[SessionChange], among: Sequence[SessionChange]
+) -> tuple[SessionChange, ...]:
+    """All of these, some of them exchanged."""
+    exchanged = {id(old): new for old, new in zip(before, after, strict=True)}
+    return tuple(exchanged.get(id(one), one) for one in among)
 
 
 def _nats(design: np.ndarray, information: np.ndarray, gradient: np.ndarray, sizes: np.ndarray) -> np.ndarray:
