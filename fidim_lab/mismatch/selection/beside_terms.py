@@ -1,6 +1,6 @@
 """What is no term, and may say more beside a model's terms than any further one: asked of each model on the way."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fidim_lab.data.records import Campaign
@@ -8,7 +8,7 @@ from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.scores.views import View
-from fidim_lab.mismatch.selection.general_geometry import Opening, most_of_effects, opening
+from fidim_lab.mismatch.selection.general_geometry import Opening, most_of_effects, opening, rival
 from fidim_lab.mismatch.session.changes import SessionChanges, session_changes
 from fidim_lab.mismatch.thresholds import SHARED
 
@@ -47,28 +47,40 @@ class Beside:
         if found is not None or not self.changes:
             return found
         changes = session_changes(seen.fit, campaign, SHARED.enough)
-        return ChangesBeside(seen.model, changes) if changes is not None and _leads(seen, changes) else None
+        if changes is None or not _follows(changes, seen.fit) or self._others_say_more(seen, changes):
+            return None
+        return ChangesBeside(seen.model, changes)
 
-    def instead_of(self, further: Completed, fewer: Sequence[Completed], campaign: Campaign) -> ChangesBeside | None:
-        """Changes beside a model with fewer terms, where these lead what the further ones say; else None."""
+    def instead_of(
+        self,
+        further: Completed,
+        fewer: Sequence[Completed],
+        campaign: Campaign,
+        look: Callable[[Completed], View],
+    ) -> ChangesBeside | None:
+        """Changes beside a model with fewer terms, where these lead what the further ones say; else None.
+
+        look: all scores at a model.
+        """
         for model in sorted(fewer, key=lambda model: model.chi2)[: SHARED.leaders if self.changes else 0]:
             changes = session_changes(model.fit, campaign, SHARED.enough)
             if changes is None or not _follows(changes, model.fit):
                 continue
             scale = min(changes.temper, max(1.0, further.fit.chi2_per_dof))
-            if changes.nats >= evidence(further, model, scale) + ODDS:
+            leads = changes.nats >= evidence(further, model, scale) + ODDS
+            if leads and not self._others_say_more(look(model), changes):
                 return ChangesBeside(model, changes)
         return None
+
+    def _others_say_more(self, seen: View, changes: SessionChanges) -> bool:
+        """Whether they do not lead the further effects, or a geometry that could be open, by odds of 20."""
+        general = rival(seen) if self.geometry else None
+        return effects_say_more(seen, changes) or (general is not None and changes.nats < general.best + ODDS)
 
 
 def effects_say_more(seen: View, changes: SessionChanges) -> bool:
     """Whether changes do not lead the effects that were looked at by odds of 20."""
     return changes.nats < most_of_effects(seen, changes.temper) + ODDS
-
-
-def _leads(seen: View, changes: SessionChanges) -> bool:
-    """Whether they are foretold to follow the motion, and say more than any further effect or pair of effects."""
-    return _follows(changes, seen.fit) and not effects_say_more(seen, changes)
 
 
 def _follows(changes: SessionChanges, found: Fit) -> bool:

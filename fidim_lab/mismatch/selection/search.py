@@ -126,7 +126,7 @@ class Search:
     def _instead_of(self, further: Completed, fresh: Sequence[Completed]) -> ChangesBeside | None:
         """Changes between windows beside a model with fewer terms than the one that is to be accepted."""
         fewer = [model for model in fresh if 0 < len(model.tried) < len(further.tried)]
-        return self.beside.instead_of(further, fewer, self.start.campaign)
+        return self.beside.instead_of(further, fewer, self.start.campaign, self.trials.look)
 
     def _exchanged(self, seen: View) -> Completed | None:
         """The model that was looked at with another effect in the place of a term, where that is more convincing.
