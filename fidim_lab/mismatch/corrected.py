@@ -14,14 +14,17 @@ from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.fitting.baseline import Baseline
-from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.fitting.refit import Completed, again
 from fidim_lab.mismatch.rounds import Reached, Rounds, takes_more
-from fidim_lab.mismatch.selection.beside_terms import Beside, effects_say_more
+from fidim_lab.mismatch.selection.beside_terms import Beside, ChangesBeside, effects_say_more
 from fidim_lab.mismatch.selection.candidates import candidate, improves
 from fidim_lab.mismatch.selection.general_geometry import FirstLook, rival
 from fidim_lab.mismatch.session.changes import SETTLED, SessionChanges, session_changes
 from fidim_lab.mismatch.thresholds import SHARED
 
+WORTH = 0.2
+"""of what there is to explain, which a correction must take to be searched with before a search without it: a load
+beside swivel damping takes 0.33, one that is none, beside heavy cables and drag, 0.07"""
 PAIR = 2
 """terms that changes are weighed against before a search (`most_of_effects`): with no more nothing else is asked"""
 
@@ -31,20 +34,21 @@ def with_corrections(rounds: Rounds, cleaned: Cleaned) -> Reached:
     recorded = rounds.fitted(cleaned.campaign)
     look = FirstLook(recorded, rounds.say)
     session = _Session(rounds, cleaned, recorded)
-    right = session.instead_of_effects(look)
-    corrected = None if right is None else session.searched(right)
-    if corrected is not None and (session.suffices(right, look) or _is_plain(corrected)):
-        return corrected
-    found = replace(rounds, beside=Beside(changes=right is None)).searched(cleaned, recorded, look)
+    right, corrected = session.instead_of_effects(look), None
+    if right is not None and session.takes(right, look, WORTH):
+        corrected = session.searched(right)
+        if session.takes(right, look, SHARED.half) or _is_plain(corrected):
+            return corrected
+    found = replace(rounds, beside=Beside(changes=corrected is None)).searched(cleaned, recorded, look)
     off = found.last.found.changes
-    if off is not None:
+    if off is None:
+        corrected = corrected or session.beside_effects(found)
+    else:
         right = session.corrected(off.changes)
-        corrected = None if right is None else session.searched(right)
+        corrected = None if right is None or not _keeps_promise(right, off) else session.searched(right)
         if corrected is not None and _is_plain(corrected):
             return corrected
         found = replace(rounds, beside=Beside()).searched(cleaned, recorded, look)
-    elif corrected is None:
-        corrected = session.beside_effects(found)
     return found if corrected is None or not _explains_more(corrected, found) else corrected
 
 
@@ -96,14 +100,14 @@ class _Session:
             right = self._sharpened(beside, lambda look: look.opened)
         return right
 
-    def suffices(self, right: _Corrected | None, look: FirstLook) -> bool:
-        """Whether the correction alone takes nearly all that there is to explain."""
-        if right is None or look.seen is None:
-            return right is not None
+    def takes(self, right: _Corrected, look: FirstLook, share: float) -> bool:
+        """Whether the correction alone leaves only noise, or takes this share of what there is to explain."""
+        if look.seen is None:
+            return True
         before, after = (candidate(one.as_it_is, one.predicted) for one in (look.exact, right.look.exact))
         if not (after.is_white or look.exact.geometry):  # what an open geometry takes as well is not theirs
             before, after = (candidate(one.as_it_is, one.predicted) for one in (look.opened, right.look.opened))
-        takes = after.is_white or after.whiteness.excess < SHARED.half * before.whiteness.excess
+        takes = after.is_white or after.whiteness.excess < (1 - share) * before.whiteness.excess
         return takes and improves(after, before, feeble=True)
 
     def searched(self, right: _Corrected) -> Reached:
@@ -119,10 +123,10 @@ class _Session:
                 sharper = self._again(right, best.fit) if best.tried else None
             if sharper is None:
                 break
-            again = sharper.searched(self.recorded, known, seeks=off is not None)
-            if off is None and again.last.unexplained > found.last.unexplained:
+            following = sharper.searched(self.recorded, known, seeks=off is not None)
+            if off is None and following.last.unexplained > found.last.unexplained:
                 return found
-            right, found = sharper, again
+            right, found = sharper, following
         return found if found.last.found.changes is None else right.searched(self.recorded, known, seeks=False)
 
     def beside_effects(self, found: Reached) -> Reached | None:
@@ -164,16 +168,27 @@ class _Session:
             return None
         for _ in range(SHARED.rounds if changes.moves_body else 0):
             before = fitted(right.look)
-            again = self._again(right, before.fit)
-            if again is None or fitted(again.look).short.excess > before.short.excess:
+            sharper = self._again(right, before.fit)
+            if sharper is None or fitted(sharper.look).short.excess > before.short.excess:
                 break
-            right = again
+            right = sharper
         return right
 
     def _again(self, right: _Corrected, found: Fit) -> _Corrected | None:
         """With the changes estimated again at a fit of the campaign that they corrected; None where they stay."""
         sharper, moved = right.changes.sharpened(found)
         return None if moved < SETTLED else self.corrected(sharper)
+
+
+def _keeps_promise(right: _Corrected, off: ChangesBeside) -> bool:
+    """Whether the model beside which the changes were seen leaves as little with them as was foretold, or half so."""
+    model, exact = off.beside, right.look.exact
+    ground, donor = (exact.whole_ground, exact.as_it_is.fit) if model.whole else (exact.short_ground, exact.short)
+    found = again(ground, donor, model, exact.context)
+    if found is None:
+        return False
+    foretold = model.fit.chi2_per_dof - off.changes.temper
+    return model.fit.chi2_per_dof - found.fit.chi2_per_dof >= SHARED.half * foretold
 
 
 def _is_plain(found: Reached) -> bool:
