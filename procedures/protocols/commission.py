@@ -8,6 +8,7 @@ winch, whose name it bears. What passes is a proof, which the application keeps 
 from collections.abc import Generator, Mapping
 
 from drivers.ports import Trial
+from fidim_lab.data.records import Plan
 from fidim_lab.errors import SetupError
 from procedures.outcomes import Outcome, worst
 from procedures.protocols.beginning import ask_without_power
@@ -24,9 +25,13 @@ ONE_IS_ENOUGH = (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
 
 def commission(lab: Lab) -> Steps:
     """The steps. Raises SetupError for a plan that has not one window for each winch."""
-    plan, settings = lab.plan, lab.settings
+    plan = lab.plan
     if len(plan.windows) != lab.robot.n:
         raise SetupError(f"Plan {plan.name!r} has {len(plan.windows)} windows; commissioning has one for each winch.")
+    return _commission(plan, lab.settings)
+
+
+def _commission(plan: Plan, settings: Settings) -> Steps:
     yield Configure()
     if (yield ask_without_power("", _WORD, settings)).answer != "done":
         yield Stop(outcome=Outcome.ABORTED, reason="left unchanged by the operator")

@@ -16,7 +16,11 @@ from procedures.steps.taut import TakePower, TakeUp
 
 def take_up(lab: Lab) -> Steps:
     """The steps. Raises SetupError for a plan with more than one window."""
-    place, settings = only_place(lab.plan, "slack is taken up"), lab.settings
+    return _take_up(only_place(lab.plan, "slack is taken up"), lab)
+
+
+def _take_up(place: PlannedWindow, lab: Lab) -> Steps:
+    settings = lab.settings
     yield Configure(window=place.id)
     if (yield ask_for_motion(place, settings)).answer != "done":
         yield GiveUpWithoutPower(window=place.id, outcome=Outcome.ABORTED, reason="left unchanged by the operator")
