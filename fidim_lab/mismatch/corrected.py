@@ -41,15 +41,15 @@ def with_corrections(rounds: Rounds, cleaned: Cleaned) -> Reached:
             return corrected
     found = replace(rounds, beside=Beside(changes=corrected is None)).searched(cleaned, recorded, look)
     off = found.last.found.changes
-    if off is None:
-        corrected = corrected or session.beside_effects(found)
-    else:
+    if off is not None:
         right = session.corrected(off.changes)
         corrected = None if right is None or not _keeps_promise(right, off) else session.searched(right)
         if corrected is not None and _is_plain(corrected):
             return corrected
         found = replace(rounds, beside=Beside()).searched(cleaned, recorded, look)
-    return found if corrected is None or not _explains_more(corrected, found) else corrected
+    if corrected is None:
+        return session.beside_effects(found)
+    return corrected if _explains_more(corrected, found) else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,17 +129,21 @@ class _Session:
             right, found = sharper, following
         return found if found.last.found.changes is None else right.searched(self.recorded, known, seeks=False)
 
-    def beside_effects(self, found: Reached) -> Reached | None:
-        """Corrected for changes beside effects that leave only noise of the markers."""
+    def beside_effects(self, found: Reached) -> Reached:
+        """Corrected for what changes beside effects that leave only noise of the markers; else what was found."""
         best, last = found.last.found.best, found.last
         if not (best.is_white and best.model.tried and best.model.whole):
-            return None
+            return found
         general = rival(last.found.last)
         if general is not None and general.best > ODDS:
-            return None  # a geometry that could be open says as much
+            return found  # a geometry that could be open says as much
         changes = session_changes(best.model.fit, last.cleaned.campaign, SHARED.enough)
         right = None if changes is None else self.corrected(changes)
-        return None if right is None else right.searched(self.recorded, None, seeks=False)
+        if right is None:
+            return found
+        corrected = right.searched(self.recorded, None, seeks=False)
+        kept = corrected.last.found.best.is_white and corrected.last.unexplained <= found.last.unexplained
+        return corrected if kept else found
 
     def corrected(self, changes: SessionChanges) -> _Corrected | None:
         """The readings as their sensors should have read, and the body as each window has it, fitted.
