@@ -150,7 +150,7 @@ def grow(
 def _among_possible(
     begun: _Way, start: Point, horizons: tuple[float, ...], stuck: tuple[_Way, Optimum]
 ) -> tuple[_Way, Optimum]:
-    """The way begun once more, to full length among bodies that can exist; the better of both.
+    """The way begun once more, to full length among bodies that can exist, where that settles and is better.
 
     Along what the data do not determine a fit may run to bodies that hardly can, where no derivative holds.
     """
@@ -159,7 +159,9 @@ def _among_possible(
         return stuck
     way = replace(way, near_until=begun.near_until)
     free = way.optimise(found.point, float(way.limits.max()), way.last)
-    return stuck if free is None or free.cost >= stuck[1].cost else (way, free)
+    if free is None or not free.ending.settled or free.cost >= stuck[1].cost:
+        return stuck
+    return way, free
 
 
 def _found_again(
