@@ -6,15 +6,19 @@ and an upright platform. `find_mistakes` is for a kinematic misfit of several mi
 for the effects of the catalogue.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
+from jaxtyping import Float
 
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import FidimError
+from fidim_lab.identification.data_checks.many_robots import alike
 from fidim_lab.identification.data_checks.placed import placed, rests
-from fidim_lab.identification.data_checks.poses import PoseSamples, misfit, sampled
+from fidim_lab.identification.data_checks.poses import PoseSamples, misfit, misfits, sampled
 from fidim_lab.identification.data_checks.robot_changes import Change, robot_changes
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.model.mechanism import Mechanism
@@ -57,14 +61,12 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
         before = min(before, _hanging(unchanged, sample), _as_markers_say(unchanged, sample))
     if before < least:
         return ()
-    tried = sorted(
-        ((_misfit(change, sample, unchanged), change) for change in robot_changes(robot)), key=lambda pair: pair[0]
-    )
+    tried = _tried(robot_changes(robot), sample)
     fitted: list[tuple[float, Change]] = []
     # What people mix up comes first where it leaves little: what is fitted to the data fits better still.
     partly = not _cures(before, tried[0][0]) or tried[0][0] > DATA_CHECKS.robot_mistakes_part
     if partly:
-        fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
+        fitted = _tried(placed(robot, sample), sample)
         tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
     noise = max(robot.sensors.marker_noise, robot.sensors.encoder_resolution)
@@ -107,12 +109,28 @@ def _cures(before: float, after: float) -> bool:
     return after < DATA_CHECKS.hopeless and after * DATA_CHECKS.robot_mistakes_better < min(before, 1e3)
 
 
-def _misfit(change: Change, sample: PoseSamples, unchanged: Mechanism) -> float:
+def _tried(changes: Iterable[Change], sample: PoseSamples) -> list[tuple[float, Change]]:
+    """Each change with the misfit that it leaves, best first."""
+    found: list[tuple[float, Change]] = []
+    for _, some in groupby(sorted(changes, key=_kind), key=_kind):
+        together = list(some)
+        lengths = np.array([_lengths(change, sample) for change in together])
+        markers = np.array([_markers(change, sample) for change in together])
+        found += zip(misfits([change.robot for change in together], lengths, markers).tolist(), together, strict=True)
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _kind(change: Change) -> tuple[bool, ...]:
+    return alike(change.robot)
+
+
+def _lengths(change: Change, sample: PoseSamples) -> Float[np.ndarray, "S n"]:
     lengths = sample.lengths * change.length_scale
-    if change.order is not None:
-        lengths = lengths[:, list(change.order)]
-    markers = (sample.markers - change.about) @ change.turn.T + change.about + change.shift
-    return misfit(unchanged if change.robot is unchanged.robot else Mechanism(change.robot), lengths, markers)
+    return lengths if change.order is None else lengths[:, list(change.order)]
+
+
+def _markers(change: Change, sample: PoseSamples) -> Float[np.ndarray, "S M 3"]:
+    return (sample.markers - change.about) @ change.turn.T + change.about + change.shift
 
 
 def _mistake(change: Change, before: float, after: float, *, open_: bool) -> Mistake:

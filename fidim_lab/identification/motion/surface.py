@@ -46,14 +46,18 @@ class SurfacePoses:
 
 def marker_jacobian(rotations: Rotations, body_markers: Float[np.ndarray, "M 3"]) -> Jacobian:
     """∂(marker velocities)/∂(twist), (N, 3M, 6): rows [1, −[R m]×] of every marker."""
-    arms = np.einsum("nij,mj->nmi", rotations, body_markers)
+    return jacobian_of_arms(np.einsum("nij,mj->nmi", rotations, body_markers))
+
+
+def jacobian_of_arms(arms: Float[np.ndarray, "N M 3"]) -> Jacobian:
+    """`marker_jacobian` of markers that are there from P, in the world frame (m)."""
     out = np.zeros((*arms.shape, 6))
     out[..., :3] = np.eye(3)
     x, y, z = arms[..., 0], arms[..., 1], arms[..., 2]
     out[..., 0, 4], out[..., 0, 5] = z, -y
     out[..., 1, 3], out[..., 1, 5] = -z, x
     out[..., 2, 3], out[..., 2, 4] = y, -x
-    return out.reshape(len(rotations), -1, 6)
+    return out.reshape(len(arms), -1, 6)
 
 
 def poses(
