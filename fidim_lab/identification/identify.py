@@ -54,7 +54,7 @@ def identify(
 ) -> IdentificationResult:
     """Identify the body from the `identify` windows, judge it on all windows.
 
-    recipe: of the methods that work on equations; native: compiled C for maximum likelihood, see `mle`.
+    recipe: of the methods that work on equations; native: simulate with compiled C, see `mle`.
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
@@ -76,7 +76,7 @@ def identify(
     def by_method(cleaned: Campaign) -> IdentificationResult:
         if method is Method.MLE:
             return mle.identify(cleaned, native=native, predict=checks.predict)
-        return _by_equations(cleaned, method, recipe, checks)
+        return _by_equations(cleaned, method, recipe, checks, native=native)
 
     cleaned = recordings.campaign
     result = by_method(cleaned) if clocks is None else by_both(cleaned, clocks, by_method)
@@ -96,9 +96,11 @@ def _leaves_nothing(result: IdentificationResult) -> bool:
     return bool(left) and max(left) < MARKERS.finest**2
 
 
-def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Checks) -> IdentificationResult:
+def _by_equations(
+    campaign: Campaign, method: Method, recipe: Recipe, checks: Checks, *, native: bool
+) -> IdentificationResult:
     begin = perf_counter()
-    problem = build(campaign, recipe)
+    problem = build(campaign, recipe, native=native)
     estimate = ESTIMATORS[method](problem)
     windows = verdicts(problem, estimate, checks)
     parameters = _parameters(problem, estimate)

@@ -204,13 +204,15 @@ def motion_equations(mechanism: Mechanism, measured: MeasuredMotion, recipe: Rec
     return WindowEquations(measured, regressor, directions, recipe, robot.sensors.marker_noise)
 
 
-def build(campaign: Campaign, recipe: Recipe, windows: Sequence[Window] | None = None) -> Problem:
-    """Equations of all windows (or of those given).
+def build(
+    campaign: Campaign, recipe: Recipe, windows: Sequence[Window] | None = None, *, native: bool = False
+) -> Problem:
+    """Equations of all windows (or of those given). native: what is simulated of them is, with compiled C.
 
     A window that cannot be used is left out with its reason, in `unused`, and the others go on. Raises RefusedError
     when no `identify` window is left.
     """
-    mechanism = Mechanism(campaign.robot)
+    mechanism = Mechanism(campaign.robot, native=native)
     used: list[WindowEquations] = []
     unused: list[UnusedWindow] = []
     for window in campaign.windows if windows is None else windows:

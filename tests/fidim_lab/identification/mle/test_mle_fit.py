@@ -56,7 +56,7 @@ def test_the_body_is_found_within_its_uncertainty(n, robot_with, record, truth):
 
 @pytest.fixture(scope="module")
 def from_cad(four, record):
-    return fit(Mechanism(four), record(four, 3))
+    return fit(Mechanism(four, native=True), record(four, 3))
 
 
 def test_a_fit_that_will_not_come_as_far_as_is_wanted_is_given_up(from_cad):
@@ -184,7 +184,7 @@ def test_forty_per_cent_wrong_starts_reach_the_same_optimum(signs, four, record,
     nominal = four.nominal
     factors = 1 + 0.4 * np.array(signs)
     start = Body(nominal.com * factors[0], nominal.inertia * np.array([*factors[1:], 1, 1, 1]))
-    found = fit(Mechanism(four), record(four, 3), start=start)
+    found = fit(Mechanism(four, native=True), record(four, 3), start=start)
     assert found.ending is Ending.CONVERGED
     assert np.all(np.abs(found.values - from_cad.values) < 0.05 * from_cad.sd)
 
@@ -199,18 +199,18 @@ def test_a_window_lost_on_the_way_is_found_once_the_others_have_shown_the_parame
         return (w == 0 and vague) or really(likelihood, simulation, w)
 
     monkeypatch.setattr(stages, "is_lost", lost_as_long_as_the_body_is_vague)
-    found = fit(Mechanism(four), record(four, 3))
+    found = fit(Mechanism(four, native=True), record(four, 3))
     assert not found.journey.lost
     assert np.array_equal(found.journey.ends, from_cad.journey.ends)
     assert np.all(np.abs(found.values - from_cad.values) < 0.05 * from_cad.sd)
     monkeypatch.setattr(stages, "is_lost", lambda likelihood, simulation, w: w == 0)
-    assert fit(Mechanism(four), record(four, 3)).journey.lost == (0,)
+    assert fit(Mechanism(four, native=True), record(four, 3)).journey.lost == (0,)
 
 
 def test_a_start_that_cannot_move_is_moved(four, record, truth):
     nominal = four.nominal
     start = Body(1.4 * nominal.com, 0.6 * nominal.inertia)
-    found = fit(Mechanism(four), record(four, 3), start=start)
+    found = fit(Mechanism(four, native=True), record(four, 3), start=start)
     assert found.start_moved
     assert distance(found, truth(four)) < chi2.ppf(0.999, 9)
 
@@ -230,14 +230,14 @@ def test_parameters_of_effects_are_estimated_beside_the_body(four, record, truth
     assert found.sd[9] < 0.02
     assert distance(found, truth(four)) < chi2.ppf(0.999, 9)
     assert found.names[9] == "c"
-    without = fit(Mechanism(four), windows)
+    without = fit(Mechanism(four, native=True), windows)
     assert without.chi2_per_dof > 3
     assert without.excess > 3
 
 
 def test_a_window_ends_where_a_cable_goes_slack(four, record, truth):
     """What is recorded after that is no free motion on taut cables: here, the marker just falls."""
-    mechanism, body = Mechanism(four), truth(four)
+    mechanism, body = Mechanism(four, native=True), truth(four)
     rest = pose_from_lengths(mechanism, body, np.array([1.32, 1.58, 1.99, 1.76]))  # cable 4 holds 2 N/kg
     t = np.arange(151) / 100
     motion = simulate_free_motion(mechanism, body, rest.pose, 0.45 * modes(mechanism, body, rest).shapes.sum(axis=1), t)
@@ -261,7 +261,7 @@ def test_a_window_that_cannot_be_followed_is_used_as_far_as_it_can(four, record,
     other = record(four, 4, seconds=4.0, kick=-0.3)[1]
     spliced = np.concatenate([windows[1].markers[:200], other.markers[200:]])
     windows[1] = replace(windows[1], markers=spliced)
-    found = fit(Mechanism(four), windows)
+    found = fit(Mechanism(four, native=True), windows)
     assert found.journey.lost == (1,)
     assert found.journey.ends[1] < 2.5
     np.testing.assert_allclose(found.values, truth(four).vector, rtol=0.1, atol=2e-3)
@@ -273,18 +273,18 @@ def test_windows_that_cannot_be_used_are_named(four, record):
     millimetres = replace(good[0], id="mm", markers=1e3 * good[0].markers)
     blind = replace(good[0], id="blind", markers=np.full_like(good[0].markers, np.nan))
     swapped = replace(good[0], id="swapped", lengths=good[0].lengths[:, [1, 0, 3, 2]] + [0.3, 0, -0.3, 0.2])
-    found = fit(Mechanism(four), [*good, short, millimetres, blind, swapped])
+    found = fit(Mechanism(four, native=True), [*good, short, millimetres, blind, swapped])
     assert set(found.unused) == {"short", "mm", "blind", "swapped"}
     assert "at least 0.3 s" in found.unused["short"]
     assert "units" in found.unused["mm"]
     assert "samples hold a marker" in found.unused["blind"]
     assert "order of the cables" in found.unused["swapped"]
     with pytest.raises(RefusedError, match="No window of role 'identify' can be used: short: lasts"):
-        fit(Mechanism(four), [short])
+        fit(Mechanism(four, native=True), [short])
 
 
 def test_one_equilibrium_leaves_combinations_open_and_says_which(four, record):
-    found = fit(Mechanism(four), record(four, 1))
+    found = fit(Mechanism(four, native=True), record(four, 1))
     assert found.open_combinations
     worst = found.open_combinations[0]
     assert worst.known > 0.1
@@ -297,7 +297,7 @@ def test_one_equilibrium_leaves_combinations_open_and_says_which(four, record):
 
 def test_a_held_out_window_is_predicted_to_the_noise(four, record):
     windows = record(four, 4, seconds=3.0)
-    mechanism = Mechanism(four)
+    mechanism = Mechanism(four, native=True)
     found = fit(mechanism, windows[:3])
     predicted = held_out.predict(mechanism, found.values, prepare(windows[3], four), four.sensors)
     assert predicted.remainder.chi2_per_dof == pytest.approx(1, abs=0.2)
@@ -307,7 +307,7 @@ def test_a_held_out_window_is_predicted_to_the_noise(four, record):
 
 def test_dropping_parameters_is_the_constrained_optimum(four, record):
     windows = record(four, 3)
-    found = fit(Mechanism(four), windows)
+    found = fit(Mechanism(four, native=True), windows)
     drop = np.arange(9) == 6
     refitted = found.without(drop)
     assert refitted[6] == 0
@@ -341,7 +341,7 @@ def test_nothing_left_out_is_identified_at_the_bound(shared, native, tmp_path_fa
 @pytest.mark.slow
 def test_errors_are_as_large_as_stated(four, record, truth):
     """Thirty campaigns of the same motions with new noise: stated covariance, bootstrap and coverage."""
-    mechanism, body = Mechanism(four), truth(four)
+    mechanism, body = Mechanism(four, native=True), truth(four)
     distances, inside, ratios = [], [], []
     for seed in range(30):
         found = fit(mechanism, record(four, 4, seconds=2.0, seed=100 + seed))
@@ -357,7 +357,7 @@ def test_errors_are_as_large_as_stated(four, record, truth):
 
 @pytest.mark.slow
 def test_windows_tell_how_well_the_noise_is_known(record, four):
-    found = [fit(Mechanism(four), record(four, 4, seed=seed)) for seed in range(16)]
+    found = [fit(Mechanism(four, native=True), record(four, 4, seed=seed)) for seed in range(16)]
     scatter = np.std([one.noise_ratio**2 for one in found], ddof=1)
     assert np.sqrt(np.mean([one.noise_doubt**2 for one in found])) == pytest.approx(scatter, rel=0.5)
-    assert fit(Mechanism(four), record(four, 1)).noise_doubt == 0.0
+    assert fit(Mechanism(four, native=True), record(four, 1)).noise_doubt == 0.0

@@ -29,7 +29,7 @@ def moved(robot: Robot, *, anchors: float, attachments: float, seed: int) -> Rob
 
 
 def identified(campaign: Campaign) -> IdentificationResult:
-    return identify(campaign, Method.MLE)
+    return identify(campaign, Method.MLE, native=True)
 
 
 def errors(found: IdentificationResult, true_body: Body) -> np.ndarray:

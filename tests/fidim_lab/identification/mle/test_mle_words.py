@@ -184,7 +184,7 @@ def campaign_of(robot, windows):
 
 
 def test_a_result_has_every_field_of_the_format(four, record, truth):
-    result = identify(campaign_of(four, record(four, 4, seconds=3.0)), Method.MLE)
+    result = identify(campaign_of(four, record(four, 4, seconds=3.0)), Method.MLE, native=True)
     assert result.outcome in (ResultOutcome.CONVERGED, ResultOutcome.DOUBTFUL)
     table = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert table["method"] == "mle"
@@ -211,7 +211,7 @@ def test_a_result_has_every_field_of_the_format(four, record, truth):
 def test_missing_physics_is_said_and_not_hidden(four, record):
     windows = record(four, 6, effects=(Drag(),), theta=[0.6])
     windows[0] = replace(windows[0], id="far", markers=1e3 * windows[0].markers)
-    result = identify(campaign_of(four, windows), Method.MLE)
+    result = identify(campaign_of(four, windows), Method.MLE, native=True)
     assert result.outcome is ResultOutcome.MISFIT
     assert not result.outcome.good
     assert any("far is not used" in warning for warning in result.warnings)
@@ -221,13 +221,13 @@ def test_missing_physics_is_said_and_not_hidden(four, record):
 
 
 def test_understated_noise_is_seen_as_noise(four, record):
-    result = identify(campaign_of(four, record(four, 4, noise=3e-4)), Method.MLE)
+    result = identify(campaign_of(four, record(four, 4, noise=3e-4)), Method.MLE, native=True)
     assert result.outcome is not ResultOutcome.MISFIT
     assert any(re.search(r"marker noise of 0\.(29|3)\d* mm, the robot file says 0.1 mm", w) for w in result.warnings)
 
 
 def test_the_closing_sentence_follows_the_outcome(four, record):
-    good = identify(campaign_of(four, record(four, 4)), Method.MLE)
+    good = identify(campaign_of(four, record(four, 4)), Method.MLE, native=True)
     assert re.search(r"explains the recordings down to noise; held-out windows have χ²/dof [01]\.\d", closing(good))
     assert "lacks something" in closing(replace(good, outcome=ResultOutcome.MISFIT))
     assert good.answer.verdict == ResultOutcome.CONVERGED.value
@@ -235,7 +235,7 @@ def test_the_closing_sentence_follows_the_outcome(four, record):
 
 
 def test_windows_need_not_be_predicted(four, record):
-    result = identify(campaign_of(four, record(four, 4)), Method.MLE, checks=QUICK)
+    result = identify(campaign_of(four, record(four, 4)), Method.MLE, checks=QUICK, native=True)
     held_out = result.windows[-1]
     assert held_out.role is Role.VALIDATE
     assert held_out.used

@@ -45,7 +45,7 @@ def errors_of(estimates, truths):
 def test_a_pendulum_that_only_yaws_shows_its_moment_about_the_axis_and_no_other():
     """Its swings are fitted to noise: at that amplitude their frequencies look known."""
     known = yawed(np.random.default_rng(4), drag=False, several=False)
-    found, body = identify(noisy(known.campaign, 5)), known.body
+    found, body = identify(noisy(known.campaign, 5), native=True), known.body
     assert found.outcome.answers
     assert found.parameters["I_zz"].seen
     assert not found.parameters["s_z"].seen
@@ -96,7 +96,7 @@ def test_what_a_hand_touches_before_it_is_seen_is_left_out(record, robot_with, t
     robot = robot_with(4)
     windows = braked(record(robot, 4, seconds=3.0), 2.4, 4e-2)
     windows[1].markers[windows[1].t > 2.7] = np.nan  # what cleaning found of it
-    found = identify(Campaign("braked", robot, 100.0, tuple(windows)))
+    found = identify(Campaign("braked", robot, 100.0, tuple(windows)), native=True)
     assert found.outcome.answers
     assert next(w.samples for w in found.windows if w.id == "w2") <= 251
     errors = errors_of(found.parameters.values(), truth(robot).vector)
@@ -109,7 +109,7 @@ def test_a_touch_that_is_lost_among_all_samples_is_left_out_beside_a_cut(record,
     windows = braked(record(robot, 4, seconds=3.0), 2.5, 1e-2)
     windows[1].markers[windows[1].t > 2.7] = np.nan  # what cleaning found of it
     assert fit(Mechanism(robot), windows).explained
-    found = identify(Campaign("touched", robot, 100.0, tuple(windows)))
+    found = identify(Campaign("touched", robot, 100.0, tuple(windows)), native=True)
     assert next(w.samples for w in found.windows if w.id == "w2") <= 251
     assert "that were kept of window w2 are missed by more than noise" in found.warnings[0]
 
@@ -118,7 +118,7 @@ def test_an_end_that_a_hand_brakes_unseen_is_left_out_and_told(record, robot_wit
     """By a millimetre, smoothly, where nothing was cut: the fit of whole windows misses by much."""
     robot = robot_with(4)
     windows = braked(record(robot, 4, seconds=3.0), 2.5, 5e-3)
-    found = identify(Campaign("braked", robot, 100.0, tuple(windows)))
+    found = identify(Campaign("braked", robot, 100.0, tuple(windows)), native=True)
     assert found.outcome.answers
     said = " ".join(found.warnings)
     assert "of window w2 are missed by more than twice as much" in said
@@ -135,7 +135,7 @@ def test_a_window_of_another_body_is_left_out_and_named(record, robot_with, trut
     windows = record(robot, 5, seconds=3.0)
     windows[2] = replace(record(robot, 5, seconds=3.0, body=heavy)[2], id="w3")
     windows[4] = replace(windows[4], role=Role.VALIDATE)
-    found = identify(Campaign("odd", robot, 100.0, tuple(windows)))
+    found = identify(Campaign("odd", robot, 100.0, tuple(windows)), native=True)
     assert found.outcome.answers
     assert [w.id for w in found.windows if not w.used] == ["w3"]
     assert "Window w3 is not used: its motion contradicts that of the other 3" in " ".join(found.warnings)

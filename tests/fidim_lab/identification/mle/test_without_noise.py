@@ -38,7 +38,7 @@ def test_the_right_model_explains_them_and_no_filter_is_told(
     simulated: Callable[..., Campaign], truth: Callable[[Robot], Body], four: Robot, digits: int | None
 ):
     """Read by encoders of 20 µm, such markers are followed to about 1 µm: far more than they scatter themselves."""
-    found = identify(simulated(digits), method=Method.MLE)
+    found = identify(simulated(digits), method=Method.MLE, native=True)
     assert found.outcome.answers
     assert not any(telling in said for telling in TELLING for said in found.warnings)
     every = found.parameters.values()
