@@ -13,6 +13,8 @@ from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.members import lay_out
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle import held_out
+from fidim_lab.identification.mle.starts.start import Guess
+from fidim_lab.identification.mle.trajectories.likelihood import stepped
 from fidim_lab.identification.mle.trajectories.recordings import FollowedSamples, prepare
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -76,13 +78,19 @@ def cross_predictions(common: Common, whole: JointFit, *, native: bool) -> tuple
     found: list[Cross] = []
     for chosen in subsets:
         fitted = fit_some(common, whole, chosen, native=native)
-        found += [predicted_by(common, fitted, k, (Role.IDENTIFY, Role.VALIDATE)) for k in every if k not in chosen]
+        others = [k for k in every if k not in chosen]
+        found += [predicted_by(common, fitted, k, (Role.IDENTIFY, Role.VALIDATE), whole) for k in others]
     held = [predicted_by(common, whole, k, (Role.VALIDATE,)) for k in every]
     return (*found, *(one for one in held if one.windows))
 
 
-def predicted_by(common: Common, fitted: JointFit, member: int, roles: Sequence[Role]) -> Cross:
-    """Windows of one campaign with the body of a fit and the geometry that it knows; the rest as in the file."""
+def predicted_by(
+    common: Common, fitted: JointFit, member: int, roles: Sequence[Role], whole: JointFit | None = None
+) -> Cross:
+    """Windows of one campaign with the body of a fit and the geometry that it knows; the rest as in the file.
+
+    whole: the fit of all campaigns; near its initial states those of the same windows are sought, for speed only.
+    """
     campaign = common.campaigns[member]
     layout = lay_out(common, [member], fitted.layout.effects, native=True)
     shared = np.zeros(layout.size)
@@ -100,9 +108,16 @@ def predicted_by(common: Common, fitted: JointFit, member: int, roles: Sequence[
             recordings.append(prepare(window, campaign.robot))
         except RefusedError as refusal:
             said.append(CrossPrediction(campaign.name, window.id, None, None, None, 0.0, str(refusal)))
-    (mechanism,) = layout.mechanisms
-    predicted = held_out.predict_all(mechanism, shared[layout.places[0]], recordings, campaign.robot.sensors)
-    for recording, one in zip(recordings, predicted, strict=True):
+    (mechanism,), local = layout.mechanisms, shared[layout.places[0]]
+    begins = {} if whole is None else _states_near(whole, member, local)
+    fresh = [one for one in recordings if one.window.id not in begins]
+    known = [one for one in recordings if one.window.id in begins]
+    guesses = [begins[one.window.id] for one in known]
+    predicted = [
+        *held_out.predict_all(mechanism, local, known, campaign.robot.sensors, guesses, near=True),
+        *held_out.predict_all(mechanism, local, fresh, campaign.robot.sensors),
+    ]
+    for recording, one in zip((*known, *fresh), predicted, strict=True):
         name = recording.window.id
         if isinstance(one, RefusedError):
             said.append(CrossPrediction(campaign.name, name, None, None, None, 0.0, str(one)))
@@ -113,6 +128,18 @@ def predicted_by(common: Common, fitted: JointFit, member: int, roles: Sequence[
         said.append(CrossPrediction(campaign.name, name, left.rms, rms_of_pose, left.chi2_per_dof, seconds))
     order = {window.id: k for k, window in enumerate(windows)}
     return Cross(fitted.chosen, member, tuple(sorted(said, key=lambda one: order[one.window])))
+
+
+def _states_near(whole: JointFit, member: int, local: Float[np.ndarray, " local"]) -> dict[str, Guess]:
+    """The initial states of a campaign's windows with other shared parameters, to first order; by the window's id."""
+    likelihood, simulation = whole.members[member].likelihood, whole.optimum.simulations[member]
+    tables, own = whole.optimum.tables[member], likelihood.own
+    move = local - simulation.point.shared
+    right = tables[:, :own, -1] + tables[:, :own, own:-1] @ move
+    steps = -np.linalg.solve(tables[:, :own, :own], right[..., np.newaxis])[..., 0]
+    states = stepped(likelihood, simulation, steps, move).states
+    each = zip(likelihood.recordings, states.positions, states.rotations, states.twists, strict=True)
+    return {recording.window.id: Guess(*state, misfit=0.0) for recording, *state in each}
 
 
 def of_pose(residuals: Float[np.ndarray, "T M 3"], places: Float[np.ndarray, "T M 3"]) -> float | None:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import Body, Role
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
@@ -31,8 +31,8 @@ from fidim_lab.identification.mle.evidence import FACTORS, SAME, over_factors
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
-from fidim_lab.identification.mle.trajectories.likelihood import Point, Simulation, simulate, stepped
-from fidim_lab.identification.mle.trajectories.normal import Part, Prior, step_of_parts
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, Simulation, simulate, stepped
+from fidim_lab.identification.mle.trajectories.normal import Part, Prior, Tables, step_of_parts
 from fidim_lab.identification.mle.trajectories.optimise import DAMPING, ON_THE_WAY, Effort
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, is_lost
 from fidim_lab.model.mechanism import Mechanism
@@ -123,9 +123,12 @@ def _again(
     kept = np.ones(whole.layout.size, dtype=bool)
     for place in (place for effect, place in each if effect not in effects):
         kept[place] = False
-    local = [(place := whole.layout.places[k])[kept[place]] for k in chosen]
-    points = [Point(whole.values[at], whole.optimum.states[k]) for k, at in zip(chosen, local, strict=True)]
-    return _settled(task, _together(task, points, whole.factor), whole.factor, last)
+    optimum = whole.optimum
+    begun = [
+        _Begun(whole.members[k].likelihood, optimum.simulations[k], optimum.tables[k], kept[whole.layout.places[k]])
+        for k in chosen
+    ]
+    return _settled(task, _together(task, begun, whole.factor), whole.factor, last)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,33 +204,49 @@ def _astray(members: Sequence[JointMember], found: JointOptimum) -> list[frozens
     return [frozenset(w for w in range(len(m.ends)) if is_lost(m.likelihood, one, w)) for m, one in each]
 
 
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """One campaign linearised at a point of its own."""
+
+    likelihood: Likelihood
+    simulation: Simulation
+    tables: Tables
+    """each window's weighed by what it is worth"""
+    kept: Bool[np.ndarray, " local"]
+    """which of its shared parameters the task has; the others become zero"""
+
+
 def _combined(task: _Task, fits: Sequence[Fit]) -> tuple[np.ndarray, list[States]]:
     """The point that serves all campaigns best to first order, each linearised at its own optimum."""
-    points: list[Point] = []
-    for found, place in zip(fits, task.layout.places, strict=True):
+    begun: list[_Begun] = []
+    for found, member, place in zip(fits, task.members, task.layout.places, strict=True):
         local = np.concatenate([found.values[:BODY], np.zeros(len(place) - BODY)])
-        points.append(Point(local, found.journey.optimum.point.states))
-    return _together(task, points, 1.0)
-
-
-def _together(task: _Task, points: Sequence[Point], factor: float) -> tuple[np.ndarray, list[States]]:
-    """One step from points with parameters of their own to the best common ones."""
-    parts: list[Part] = []
-    simulations: list[Simulation] = []
-    for member, point, place in zip(task.members, points, task.layout.places, strict=True):
+        point = Point(local, found.journey.optimum.point.states)
         simulation = simulate(member.likelihood, point, member.ends, QUICK)
         if simulation is None:
             raise RefusedError(f"{member.campaign.name}: its motion cannot be simulated.")
-        tables, own = linear_tables(member, simulation), member.likelihood.own
-        tables[:, :, -1] -= tables[:, :, own:-1] @ point.shared
-        parts.append(Part(tables, own, place))
-        simulations.append(simulation)
+        tables = linear_tables(member, simulation)
+        begun.append(_Begun(member.likelihood, simulation, tables, np.ones(len(place), dtype=bool)))
+    return _together(task, begun, 1.0)
+
+
+def _together(task: _Task, begun: Sequence[_Begun], factor: float) -> tuple[np.ndarray, list[States]]:
+    """One step from points with parameters of their own to the best common ones."""
+    parts: list[Part] = []
+    for one, place in zip(begun, task.layout.places, strict=True):
+        tables, own = one.tables.copy(), one.likelihood.own
+        tables[:, :, -1] -= tables[:, :, own:-1] @ one.simulation.point.shared
+        columns = np.concatenate([np.ones(own, dtype=bool), one.kept, [True]])
+        parts.append(Part(tables[:, :, columns], own, place))
     prior, nowhere = task.prior(factor), np.zeros(task.layout.size)
     free = np.ones(task.layout.size, dtype=bool)
     steps, shared, _ = step_of_parts(parts, prior.rows(nowhere), DAMPING[0], free, prior.room(nowhere))
-    each = zip(task.members, simulations, steps, task.layout.places, points, strict=True)
-    moved = [stepped(m.likelihood, s, own, shared[place] - point.shared) for m, s, own, place, point in each]
-    return shared, [point.states for point in moved]
+    states: list[States] = []
+    for one, own, place in zip(begun, steps, task.layout.places, strict=True):
+        there = np.zeros(len(one.kept))
+        there[one.kept] = shared[place]
+        states.append(stepped(one.likelihood, one.simulation, own, there - one.simulation.point.shared).states)
+    return shared, states
 
 
 def _best_factor(found: JointFit) -> float:

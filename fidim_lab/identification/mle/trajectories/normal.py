@@ -210,7 +210,7 @@ def step_of_parts(
     for part in parts:
         tables, own = part.tables, part.own
         scales = np.linalg.norm(tables, axis=1)
-        ridge = np.zeros((len(tables), own, tables.shape[1]))
+        ridge = np.zeros((len(tables), own, tables.shape[2]))
         ridge[:, range(own), range(own)] = weight * scales[:, :own]
         eliminated.append(_triangular(np.concatenate([tables, ridge], axis=1)))
         np.add.at(square, part.place, (scales[:, own:-1] ** 2).sum(axis=0))
