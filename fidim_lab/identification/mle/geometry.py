@@ -38,13 +38,13 @@ class Surveyed:
     """with the file's geometry, where another was found better"""
 
 
-def begin_surveyed(mechanism: Mechanism, windows: list[Window]) -> Fit:
+def begin_surveyed(mechanism: Mechanism, windows: list[Window], *, hasty: bool = False) -> Fit:
     """The first fit of body and geometry: with the survey that the file states, else with its geometry as it stands.
 
-    Raises RefusedError as `fit`.
+    hasty: as `fit`. Raises RefusedError as `fit`.
     """
     opened = stated(mechanism.robot)
-    return _opened(mechanism, windows, opened) if opened else fit(mechanism, windows)
+    return _opened(mechanism, windows, opened, hasty=hasty) if opened else fit(mechanism, windows, hasty=hasty)
 
 
 def fit_surveyed(begun: Fit, windows: list[Window]) -> Surveyed:
@@ -65,7 +65,7 @@ def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:
             return Surveyed(exact, (), foretold)
         first = Factors(foretold.factors.cables or 1.0, foretold.factors.markers or 1.0)  # one fit, where that holds
     opened = _usual(robot, first)
-    found = continued(exact, opened) if begun is not None and not exact.journey.lost else None
+    found = None if begun is None else continued(exact, opened)
     found = _opened(exact.likelihood.mechanism, windows, opened) if found is None else found
     says = weighed(exact, found, once)
     if says.factors.exact or (exact.settled and not found.settled):
@@ -84,8 +84,8 @@ def _usual(robot: Robot, factors: Factors) -> tuple[Nuisance, ...]:
     return cables if factors.markers is None else (*cables, *usual_markers(robot, factors.markers))
 
 
-def _opened(mechanism: Mechanism, windows: list[Window], opened: tuple[Nuisance, ...]) -> Fit:
-    return fit(with_geometry(mechanism, opened), windows, theta_sd=prior_sd(opened))
+def _opened(mechanism: Mechanism, windows: list[Window], opened: tuple[Nuisance, ...], *, hasty: bool = False) -> Fit:
+    return fit(with_geometry(mechanism, opened), windows, theta_sd=prior_sd(opened), hasty=hasty)
 
 
 def with_geometry(mechanism: Mechanism, opened: tuple[Nuisance, ...]) -> Mechanism:

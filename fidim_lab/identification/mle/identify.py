@@ -122,11 +122,11 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> tu
     surveyed: Surveyed | None = None
     if (name := odd_window(begun)) is not None:
         others = [window for window in windows if window.id != name]
-        without = begin_surveyed(mechanism, others)
-        again = taken_in_again(begun, without) if without.explained and not begun.explained else None
+        without = _explaining(mechanism, others)
+        again = None if without is None or begun.explained else taken_in_again(begun, without)
         if again is not None:
             begun = again
-        elif without.explained and costs_much(begun, without, name):
+        elif without is not None and costs_much(begun, without, name):
             # what is missed by little may be the geometry
             surveyed = None if begun.explained or misses_much(begun) else fit_surveyed(begun, windows)
             if surveyed is None or costs_much(surveyed.found, without, name):
@@ -135,6 +135,11 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> tu
     surveyed = surveyed or fit_surveyed(begun, windows)
     unused = surveyed.found.unused | {w.id: odd[w.id] for w in campaign.of_role(Role.IDENTIFY) if w.id in odd}
     return replace(surveyed, found=replace(surveyed.found, unused=unused)), said
+
+
+def _explaining(mechanism: Mechanism, windows: list[Window]) -> Fit | None:
+    """The first fit of these windows where it leaves noise alone, which a hasty one tells sooner."""
+    return begin_surveyed(mechanism, windows) if begin_surveyed(mechanism, windows, hasty=True).explained else None
 
 
 def _without_touched_ends(
@@ -147,8 +152,9 @@ def _without_touched_ends(
         if all(new is old for new, old in zip(shorter, kept, strict=True)):
             break
         cuts += cut
-        found, kept = begin_surveyed(mechanism, shorter), shorter
+        found, kept = begin_surveyed(mechanism, shorter, hasty=True), shorter
     if found.explained:
+        found = begin_surveyed(mechanism, kept) if cuts else begun
         return found, kept, tuple(f"{one.says}{LEFT_OUT}" for one in together(cuts))
     return begun, windows, tuple(f"{one.says}{IN_VAIN}" for one in together(cuts))
 

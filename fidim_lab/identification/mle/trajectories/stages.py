@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import motion_rms
 from fidim_lab.data.records import Body
+from fidim_lab.identification.equations.consistency import can_exist
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point, Simulation, simulate
 from fidim_lab.identification.mle.trajectories.normal import NearBody, Prior
 from fidim_lab.identification.mle.trajectories.optimise import (
@@ -140,11 +141,36 @@ def grow(
     way, optimum = _grown(begun, start, horizons)
     if optimum is None:
         return None
-    if optimum.ending is Ending.STUCK and nearby is not None:
+    if optimum.ending is Ending.STUCK and nearby is not None and not can_exist(optimum.point.body):
         way, optimum = _among_possible(begun, start, horizons, (way, optimum))
-    if 0 < len(way.lost) < len(limits) and free.any() and not once:
-        way, optimum = _found_again(way, optimum, limits, horizons)
-    return Journey(optimum, way.ends(np.inf), way.slack, way.lost)
+    journey = Journey(optimum, way.ends(np.inf), way.slack, way.lost)
+    return journey if once or not free.any() else found_again(likelihood, journey, prior, free, horizons, last)
+
+
+def found_again(
+    likelihood: Likelihood,
+    journey: Journey,
+    prior: Prior,
+    free: Bool[np.ndarray, " shared"],
+    horizons: tuple[float, ...] = HORIZONS,
+    last: Effort = FINAL,
+) -> Journey:
+    """Lost windows grown once more, now that the others have shown the parameters; the better of both ways.
+
+    They have not where the model misses them by far, too.
+    """
+    optimum, ends = journey.optimum, journey.ends
+    lost = np.isin(np.arange(len(ends)), journey.lost)
+    if not lost.any() or lost.all() or optimum.misfit > ASTRAY:
+        return journey
+    kept = tuple(int(w) for w in np.flatnonzero(~lost))
+    slack = {w: when for w, when in journey.slack.items() if not lost[w]}
+    limits = np.where(lost, [recording.end for recording in likelihood.recordings], ends)
+    way = _Way(likelihood, prior, free, limits, slack, last, near=None, whole=kept)
+    way, found = _grown(way, optimum.point, horizons)
+    if found is None or len(way.lost) >= len(journey.lost):
+        return journey
+    return Journey(found, way.ends(np.inf), way.slack, way.lost)
 
 
 def _among_possible(
@@ -152,7 +178,7 @@ def _among_possible(
 ) -> tuple[_Way, Optimum]:
     """The way begun once more, to full length among bodies that can exist, where that settles and is better.
 
-    Along what the data do not determine a fit may run to bodies that hardly can, where no derivative holds.
+    Along what the data do not determine a fit may run to bodies that cannot, where no derivative holds.
     """
     way, found = _grown(replace(begun, near_until=np.inf), start, horizons)
     if found is None or len(way.lost) > len(stuck[0].lost):
@@ -162,20 +188,6 @@ def _among_possible(
     if free is None or not free.ending.settled or free.cost >= stuck[1].cost:
         return stuck
     return way, free
-
-
-def _found_again(
-    way: _Way, optimum: Optimum, recorded: Float[np.ndarray, " W"], horizons: tuple[float, ...]
-) -> tuple[_Way, Optimum]:
-    """Lost windows grown once more, now that the others have shown the parameters; the better of both ways."""
-    lost = np.isin(np.arange(len(recorded)), way.lost)
-    kept = tuple(int(w) for w in np.flatnonzero(~lost))
-    slack = {w: when for w, when in way.slack.items() if not lost[w]}
-    again = replace(way, limits=np.where(lost, recorded, way.limits), slack=slack, lost=(), whole=kept, near=None)
-    again, found = _grown(again, optimum.point, horizons)
-    if found is None or len(again.lost) >= len(way.lost):
-        return way, optimum
-    return again, found
 
 
 def _grown(way: _Way, start: Point, horizons: tuple[float, ...]) -> tuple[_Way, Optimum | None]:
