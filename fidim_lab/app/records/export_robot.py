@@ -45,7 +45,7 @@ class WindowStart:
 
 def robot_model(source: Path, campaign: Campaign) -> Model:
     """The model that a result or an explanation file found. Raises FileError, SetupError for an unknown effect."""
-    return found_model(read_found(source), campaign.robot)
+    return found_model(read_found(source), campaign.robot, native=True)
 
 
 def start_of(model: Model, campaign: Campaign, window: str | None) -> WindowStart:

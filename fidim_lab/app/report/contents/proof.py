@@ -43,7 +43,7 @@ class ProofOfCause:
 def proof(found: ExplanationTable, campaign: Campaign, unknown: UnknownForce | None = None) -> ProofOfCause:
     """Predict held-out windows (identified ones where none is held out) with the body before and the model after."""
     notes: list[str] = []
-    before = Model(Mechanism(campaign.robot), body_vector(found.parameters_before))
+    before = Model(Mechanism(campaign.robot, native=True), body_vector(found.parameters_before))
     after = _completed(found, campaign, unknown, notes)
     touched = [name for effect in found.effects if effect.id == HandContact.id for name in effect.parameters]
     candidates = campaign.of_role(Role.VALIDATE) or campaign.of_role(Role.IDENTIFY)
@@ -71,7 +71,7 @@ def _completed(
     if found.geometry is None and all(effect.id == HandContact.id for effect in found.effects):
         return None
     try:
-        return found_model(found, campaign.robot)
+        return found_model(found, campaign.robot, native=True)
     except SetupError as error:
         notes.append(f"The model with its effects could not be drawn: {error}")
         return None

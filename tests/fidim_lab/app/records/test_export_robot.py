@@ -45,7 +45,8 @@ HIDDEN = "anchor-offset:cable=2," + ",".join(f"{name}={value}" for name, value i
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A campaign with an anchor off, and an explanation that says so."""
     path = tmp_path_factory.mktemp("export") / "off"
-    assert run(["simulate", "--robot", "irma4", "--out", str(path), "--hide", HIDDEN, "--equilibria", "1"]) == 0
+    few = ["--equilibria", "1", "--validate", "2"]
+    assert run(["simulate", "--robot", "irma4", "--out", str(path), "--hide", HIDDEN, *few]) == 0
     campaign = read_campaign(path)
     told = [e for e in by_id(campaign.robot, "anchor-offset", 2) if {p.name for p in e.parameters} == set(OFF)]
     values = {p.name: {"value": OFF[p.name], "sd": 1e-4, "unit": p.unit} for p in told[0].parameters}
@@ -84,7 +85,7 @@ def _model(campaign: Campaign, folder: Path) -> tuple[Mechanism, np.ndarray]:
     effect = next(e for e in by_id(campaign.robot, "anchor-offset", 2) if {p.name for p in e.parameters} == set(OFF))
     theta = [OFF[p.name] for p in effect.parameters]
     body = [told["parameters"][name]["value"] for name in PARAMETER_NAMES]
-    return Mechanism(campaign.robot, (effect,), theta), np.array([*body, *theta])
+    return Mechanism(campaign.robot, (effect,), theta, native=True), np.array([*body, *theta])
 
 
 def test_mujoco_swings_through_a_held_out_window_as_we_predict(folder: Path, tmp_path: Path) -> None:
@@ -223,7 +224,7 @@ def test_mujoco_feels_the_effects_that_were_named(
 
     model = robot_model(folder / "named.json", campaign)
     start = start_of(model, campaign, None)
-    without = Model(Mechanism(campaign.robot), model.shared[:9])
+    without = Model(Mechanism(campaign.robot, native=True), model.shared[:9])
     rms = replay_rms(robot_mjcf(without, start, campaign.robot.mass, ""), start.t, start.marker)
     assert rms is not None
     assert rms > 3e-4  # they are to be felt
