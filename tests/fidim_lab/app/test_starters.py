@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -26,16 +27,26 @@ from fidim_lab.identification.design.task import DesignTask
 MODELS = {"robot": RobotTable, "rig": RigTable, "plan": PlanTable, "campaign": CampaignTable}
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one of each kind, for a robot of three cables."""
+    folder = tmp_path_factory.mktemp("written")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert cli.run(["init", "robot", "--cables", "3"]) == 0
+        assert cli.run(["init", "rig", "--out", "rigs/rig.toml"]) == 0
+        assert cli.run(["init", "plan", "--robot", "robot.toml"]) == 0
+        assert cli.run(["init", "campaign", "--out", "takes"]) == 0
+    return folder
+
+
 @pytest.fixture
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
-    """One of each kind, for a robot of three cables."""
+def files(written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
+    """A copy of those, in the test's own folder."""
+    shutil.copytree(written, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    assert cli.run(["init", "robot", "--cables", "3"]) == 0
-    assert cli.run(["init", "rig", "--out", "rigs/rig.toml"]) == 0
-    assert cli.run(["init", "plan", "--robot", "robot.toml"]) == 0
-    assert cli.run(["init", "campaign", "--out", "takes"]) == 0
-    written = {"robot": "robot.toml", "rig": "rigs/rig.toml", "plan": "plan.toml", "campaign": "takes/campaign.toml"}
-    return {kind: tmp_path / name for kind, name in written.items()}
+    names = {"robot": "robot.toml", "rig": "rigs/rig.toml", "plan": "plan.toml", "campaign": "takes/campaign.toml"}
+    return {kind: tmp_path / name for kind, name in names.items()}
 
 
 @pytest.mark.sampled(2)
