@@ -21,6 +21,7 @@ from fidim_lab.errors import FidimError
 from procedures.control import Control
 from procedures.events import Event, StepStarted
 from procedures.guards.robot_guards import LogGuard
+from procedures.handlers import placing
 from procedures.protocols import catalogue
 from procedures.protocols.experiment import Experiment
 from procedures.run import run_procedure
@@ -45,6 +46,8 @@ class Rehearsal:
         """s after which a run that goes on is cancelled; `run` then raises TimeoutError"""
         self.listeners: tuple[Callable[[Event], None], ...] = ()
         """after our own"""
+        self.periods = placing.PERIODS
+        """of the slowest swing, that each look takes while the winches are tried: half of a run's time at rest"""
         self._mocap = MocapFaults(faults)
         self._plants: list[tuple[str, int, float, Callable[[Stage], Any]]] = []
 
@@ -57,7 +60,10 @@ class Rehearsal:
         experiment = experiment or catalogue.experiment("identify", self.plan, self.robot, self.settings)
         seen = Ended(self.folder, round(self.settings.record.seconds * RATE) + 1)
         ended: list[Ended] = []
-        with patch.object(Laboratory, "_markers", _noting(seen.truth)):
+        with (
+            patch.object(Laboratory, "_markers", _noting(seen.truth)),
+            patch.object(placing, "PERIODS", self.periods),
+        ):
             try:
                 compose.run_loop(self._main(experiment, seen, ended, more), real_time=self.real_time)
             except KeyboardInterrupt as problem:

@@ -18,6 +18,8 @@ STARVED = ("not answered for", "0x8130", "this computer stood still for")
 
 TRIES = 5
 """runs in real time"""
+LOOKS = 0.4
+"""periods of the slowest swing, instead of two: the simulated robot rests before its winches are tried"""
 
 
 def skip_if_busy() -> None:
@@ -40,7 +42,9 @@ class Scene:
     skip_if_busy = staticmethod(skip_if_busy)
 
     def make(self, faults: Faults | None = None, folder: str = "run") -> Rehearsal:
-        return Rehearsal(self.robot, self.path / folder, faults)
+        made = Rehearsal(self.robot, self.path / folder, faults)
+        made.periods = LOOKS
+        return made
 
     def in_real_time(self, prepare: Callable[[Rehearsal], None], starved: Sequence[str] = STARVED) -> Ended:
         """Run on real bus threads and sockets; anew where a busy machine starved the host or the simulated drives.

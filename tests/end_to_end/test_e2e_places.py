@@ -12,6 +12,7 @@ import pytest
 from fidim_lab.api import Robot
 from fidim_lab.app import cli
 from fidim_lab.data.records import Body
+from procedures.handlers.placing import PERIODS
 from procedures.outcomes import Outcome
 from procedures.recording.journal import read_journal
 
@@ -170,6 +171,7 @@ def test_what_goes_wrong_later_is_found_at_the_next_place(rehearsal: Any, scene:
 
 def test_a_robot_as_its_file_says_is_tried_and_goes_on(rehearsal: Any) -> None:
     rehearsal.at("TryWinches", lambda stage: None)
+    rehearsal.periods = PERIODS
     true = tensions(rehearsal)
     ended = rehearsal.run()
     report = ended.check()
