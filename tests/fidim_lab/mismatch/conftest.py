@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Campaign, Plan, Robot
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
@@ -26,15 +27,31 @@ HELD_DOF = 18_000
 
 
 @pytest.fixture(scope="session")
-def baseline_of(irma4: Robot) -> Callable[..., Baseline]:
-    """From what is hidden, a seed, so many windows to identify from (one more is held out), and their seconds."""
+def planned(irma4: Robot) -> Callable[..., Plan]:
+    """The plan of so many windows, so many held out, by a seed: drawn once, a second or two."""
+    return cache(partial(random_plan, irma4, "hidden"))
 
-    def made(*texts: str, seed: int, windows: int, seconds: float) -> Baseline:
-        plan = random_plan(irma4, "hidden", windows, 1, seed)
+
+@pytest.fixture(scope="session")
+def campaign_of(irma4: Robot, planned: Callable[..., Plan]) -> Callable[..., Campaign]:
+    """From what is hidden, a seed, windows to identify from (`held_out` more are held out), and their seconds."""
+
+    @cache
+    def made(*texts: str, seed: int, windows: int, seconds: float, held_out: int = 1) -> Campaign:
         hidden = tuple(parse_effect(text, irma4.n) for text in texts)
-        world = make_world(irma4, np.random.default_rng(seed), hidden)
-        rng = np.random.default_rng(seed + 1)
-        campaign, _ = simulate_campaign(irma4, plan, world, rng, recording=Sampling(seconds))
+        world, rng = make_world(irma4, np.random.default_rng(seed), hidden), np.random.default_rng(seed + 1)
+        return simulate_campaign(irma4, planned(windows, held_out, seed), world, rng, recording=Sampling(seconds))[0]
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def baseline_of(campaign_of: Callable[..., Campaign]) -> Callable[..., Baseline]:
+    """The fit of the model as it is to the campaign that `campaign_of` makes of the same."""
+
+    @cache
+    def made(*texts: str, seed: int, windows: int, seconds: float) -> Baseline:
+        campaign = campaign_of(*texts, seed=seed, windows=windows, seconds=seconds)
         return fit_baseline(campaign, native=True, say=lambda _: None)
 
     return made

@@ -21,7 +21,7 @@ def windows_of(robot, *texts, count=4, seconds=3.0):
 
 
 def test_windows_without_hidden_physics_hold(irma4):
-    watch = Watch(irma4, native=False)
+    watch = Watch(irma4, native=True)
     said = [watch.look([window]) for window in windows_of(irma4)]
     assert [one.chi2_per_dof is None for one in said] == [True, True, False, False]
     assert f"{SHARED.fewest} are needed" in said[0].says
@@ -34,14 +34,14 @@ def test_windows_without_hidden_physics_hold(irma4):
 @pytest.mark.slow
 def test_drag_is_suspected_window_by_window_as_at_once(irma4):
     windows = windows_of(irma4, "air-drag-linear:c=0.5")
-    watch = Watch(irma4, native=False)
+    watch = Watch(irma4, native=True)
     watch.look(windows[:3])
     last = watch.look(windows[3:])
     assert not last.holds
     assert last.suspected[0].id == "air-drag-linear"
     assert "suspected: air-drag-linear" in last.says
     assert last.suspected[0].would_leave < last.chi2_per_dof
-    once = Watch(irma4, native=False).look(windows)
+    once = Watch(irma4, native=True).look(windows)
     assert last.chi2_per_dof == pytest.approx(once.chi2_per_dof, rel=0.01)
     assert last.suspected[0].log_evidence == pytest.approx(once.suspected[0].log_evidence, rel=0.05)
 
@@ -49,7 +49,7 @@ def test_drag_is_suspected_window_by_window_as_at_once(irma4):
 def test_a_window_of_another_robot_is_said_at_once(irma4):
     window = windows_of(irma4, count=1)[0]
     swapped = replace(window, lengths=window.lengths[:, [1, 0, 2, 3]])
-    said = Watch(irma4, native=False).look([swapped])
+    said = Watch(irma4, native=True).look([swapped])
     assert not said.holds
     assert "do not belong together" in said.says
 
@@ -58,9 +58,9 @@ def test_a_window_of_another_robot_is_said_at_once(irma4):
 @pytest.mark.slow
 def test_what_was_done_on_the_first_two_windows_changes_hardly_anything_that_is_told(irma4, hidden):
     windows = windows_of(irma4, hidden, count=3)
-    one_by_one = Watch(irma4, native=False)
+    one_by_one = Watch(irma4, native=True)
     last = [one_by_one.look([window]) for window in windows][-1]
-    once = Watch(irma4, native=False).look(windows)
+    once = Watch(irma4, native=True).look(windows)
     assert last.chi2_per_dof == pytest.approx(once.chi2_per_dof, rel=1e-3)
     assert [one.id for one in last.suspected] == [one.id for one in once.suspected]
     for one, other in zip(last.suspected, once.suspected, strict=True):

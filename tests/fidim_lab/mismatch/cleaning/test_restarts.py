@@ -1,6 +1,7 @@
 """Pushes that only a matched test shows: found with window and times, and never where nobody pushed."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
 
 
+@cache
 def fitted(robot: Robot, *hidden: str, seed: int = 31) -> Baseline:
     plan = random_plan(robot, "short", 3, 1, seed)
     world = make_world(robot, np.random.default_rng(seed), tuple(parse_effect(text, robot.n) for text in hidden))

@@ -45,7 +45,7 @@ def touched(irma4: Robot) -> tuple[Cleaned, Completed]:
     """A campaign with a hand in i02 at a robot with a wrong attachment, and the completed model."""
     cleaned = clean(recorded(irma4, ATTACHMENT, HAND))
     audited = cut(cleaned, hand("i02", 2.8, 4.2), hand("i04", 2.0, 3.0))
-    found = select(fit_baseline(audited.campaign, native=False, say=lambda _: None), lambda _: None)
+    found = select(fit_baseline(audited.campaign, native=True, say=lambda _: None), lambda _: None)
     return cleaned, found.best.model
 
 
@@ -107,7 +107,7 @@ def test_screening_is_overruled_by_a_model_that_follows_the_samples(irma4: Robot
     markers = windows["i03"].markers.copy()
     markers[200, 0, 0] += 0.002
     seen = _with(campaign, replace(windows["i03"], markers=markers))
-    model = fit_baseline(campaign, native=False, say=lambda _: None).as_it_is
+    model = fit_baseline(campaign, native=True, say=lambda _: None).as_it_is
     faults = tuple(Finding(DefectKind.SPIKE, name, "x", (2.0, 2.0), 0.002, "m", "A spike.") for name in ("i03", "i05"))
     screened = clean(campaign)
     lacking = _with(_with(campaign, _without_row(windows["i03"])), _without_row(windows["i05"]))
@@ -124,7 +124,7 @@ def test_a_hand_that_only_a_wrong_geometry_shows_is_none(touched: tuple[Cleaned,
 
 @pytest.mark.slow
 def test_a_hand_beside_a_wrong_attachment_is_named_with_it(irma4: Robot) -> None:
-    explanation = explain(recorded(irma4, ATTACHMENT, HAND.replace("fx=1,fy=-1.5", "fx=4,fy=-4")), native=False)
+    explanation = explain(recorded(irma4, ATTACHMENT, HAND.replace("fx=1,fy=-1.5", "fx=4,fy=-4")), native=True)
     assert {(cause.id, cause.cable) for cause in explanation.effects} == {
         ("hand-contact", None),
         ("attachment-offset", 1),

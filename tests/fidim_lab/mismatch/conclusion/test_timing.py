@@ -1,6 +1,8 @@
 """The offset of two clocks by motor currents, in campaigns of the other simulator."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,32 +10,31 @@ import pytest
 from benchmarks.sealed.campaigns import NATIVE, SealedRecipe, sealed_campaign
 from fidim_lab.data.records import Campaign, Robot, Role
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.parts import Before
 from fidim_lab.mismatch.conclusion.timing import OFFSET, RATE, retimed, timing, with_timing
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.model.mechanism import Mechanism
-from sim_backends.plant.hidden import parse_effect
-from sim_backends.plant.world import make_world
-from sim_backends.simulate import Sampling, simulate_campaign
-
-
-def fitted(robot: Robot, *texts: str, currents: bool = True) -> Completed:
-    """Three windows of 2.5 s, fitted by the model as it is."""
-    world = make_world(robot, np.random.default_rng(8), tuple(parse_effect(text, robot.n) for text in texts))
-    plan = random_plan(robot, "short", 3, 0, 8)
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(9), recording=Sampling(2.5))
-    windows = campaign.of_role(Role.IDENTIFY)
-    if not currents:
-        windows = tuple(replace(window, currents=None) for window in windows)
-    return Completed((), fit(Mechanism(robot), windows), whole=True)
 
 
 @pytest.fixture(scope="module")
-def late(irma4: Robot) -> Completed:
-    return fitted(irma4, "time-offset:offset=0.012")
+def fitted(irma4: Robot, campaign_of: Callable[..., Campaign]) -> Callable[..., Completed]:
+    """Three windows of 2.5 s, fitted by the model as it is."""
+
+    @cache
+    def made(*texts: str, currents: bool = True) -> Completed:
+        windows = campaign_of(*texts, seed=8, windows=3, held_out=0, seconds=2.5).of_role(Role.IDENTIFY)
+        if not currents:
+            windows = tuple(replace(window, currents=None) for window in windows)
+        return Completed((), fit(Mechanism(irma4, native=True), windows), whole=True)
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def late(fitted: Callable[..., Completed]) -> Completed:
+    return fitted("time-offset:offset=0.012")
 
 
 def told(verdict: Verdict = Verdict.NOTHING_MISSING) -> Explanation:
@@ -57,8 +58,8 @@ def test_it_is_named_where_all_else_is_explained(late: Completed) -> None:
     assert with_timing(told(Verdict.UNKNOWN_PHYSICS), late) == told(Verdict.UNKNOWN_PHYSICS)
 
 
-def test_none_is_named_where_there_is_none(irma4: Robot) -> None:
-    found = timing(fitted(irma4))
+def test_none_is_named_where_there_is_none(fitted: Callable[..., Completed]) -> None:
+    found = timing(fitted())
     assert found is not None
     assert not found.is_off
     assert abs(found.offset) < 4 * found.sd
@@ -66,8 +67,8 @@ def test_none_is_named_where_there_is_none(irma4: Robot) -> None:
     assert abs(found.rate) < 4 * found.rate_sd
 
 
-def test_a_rate_is_no_offset(irma4: Robot) -> None:
-    drifting = fitted(irma4, "clock-rate:rate=2e-3")
+def test_a_rate_is_no_offset(irma4: Robot, fitted: Callable[..., Completed]) -> None:
+    drifting = fitted("clock-rate:rate=2e-3")
     found = timing(drifting)
     assert found is not None
     assert found.runs_away
@@ -84,14 +85,14 @@ def test_a_rate_is_no_offset(irma4: Robot) -> None:
         assert there.markers is window.markers
 
 
-def test_clocks_that_run_alike_are_left_alone(irma4: Robot) -> None:
-    good = fitted(irma4)
+def test_clocks_that_run_alike_are_left_alone(irma4: Robot, fitted: Callable[..., Completed]) -> None:
+    good = fitted()
     windows = tuple(recording.window for recording in good.fit.likelihood.recordings)
     assert retimed(Campaign("c", irma4, 100.0, windows), good) is None
 
 
-def test_without_currents_it_is_said_that_it_was_not_tested(irma4: Robot) -> None:
-    blind = fitted(irma4, "time-offset:offset=0.012", currents=False)
+def test_without_currents_it_is_said_that_it_was_not_tested(fitted: Callable[..., Completed]) -> None:
+    blind = fitted("time-offset:offset=0.012", currents=False)
     assert timing(blind) is None
     answer = with_timing(told(), blind)
     assert answer.verdict is Verdict.NOTHING_MISSING

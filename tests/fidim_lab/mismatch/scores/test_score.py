@@ -57,7 +57,7 @@ def make(robot: Robot, *texts: str, seconds: float = 3.0) -> Case:
     plan = random_plan(robot, "short", 4, 1, 5)
     world = make_world(robot, np.random.default_rng(5), tuple(parse_effect(text, robot.n) for text in texts))
     campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Sampling(seconds))
-    return Case(campaign, fit(Mechanism(robot), campaign.of_role(Role.IDENTIFY)))
+    return Case(campaign, fit(Mechanism(robot, native=True), campaign.of_role(Role.IDENTIFY)))
 
 
 @pytest.fixture(scope="module")

@@ -87,9 +87,9 @@ def fitted_again(campaign: Campaign) -> Baseline:
     return fit_baseline(campaign, native=True, say=lambda _: None)
 
 
-def test_a_body_of_its_own_in_a_single_window_is_told(baseline_of: Callable[..., Baseline]) -> None:
-    loaded = baseline_of("body-step:m=0.1,at=0", seed=SEED, windows=WINDOWS, seconds=SECONDS).campaign
-    plain = baseline_of(seed=SEED, windows=WINDOWS, seconds=SECONDS).campaign
+def test_a_body_of_its_own_in_a_single_window_is_told(campaign_of: Callable[..., Campaign]) -> None:
+    loaded = campaign_of("body-step:m=0.1,at=0", seed=SEED, windows=WINDOWS, seconds=SECONDS)
+    plain = campaign_of(seed=SEED, windows=WINDOWS, seconds=SECONDS)
     odd = plain.windows[2].id
     windows = tuple(loaded.windows[2] if window.id == odd else window for window in plain.windows)
     found = session_changes(fitted_again(replace(plain, windows=windows)).fit, plain, SHARED.enough)
@@ -97,8 +97,8 @@ def test_a_body_of_its_own_in_a_single_window_is_told(baseline_of: Callable[...,
     assert [(one.kind.id, one.kind.first) for one in found.found] == [("body-once", odd)]
 
 
-def test_a_window_with_a_body_of_its_own_moves_as_if_all_had_it(baseline_of: Callable[..., Baseline]) -> None:
-    campaign = baseline_of(seed=SEED, windows=WINDOWS, seconds=SECONDS).campaign
+def test_a_window_with_a_body_of_its_own_moves_as_if_all_had_it(campaign_of: Callable[..., Campaign]) -> None:
+    campaign = campaign_of(seed=SEED, windows=WINDOWS, seconds=SECONDS)
     change = np.array([1e-3, -2e-3, 1e-3, 1e-4, 2e-4, 1e-4, 0.0, 1e-4, 0.0])
     windows, mechanism = list(campaign.of_role(Role.IDENTIFY)), Mechanism(campaign.robot, native=True)
     plain = fit(mechanism, windows)
