@@ -2,14 +2,17 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import fidim_lab as fl
+from fidim_lab.app.analysis import simulate as command
 from fidim_lab.app.cli import run
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import Role
+from sim_backends.simulate import Sampling
 
 HIDDEN = "air-drag-linear:c=0.5"
 
@@ -63,9 +66,10 @@ def test_unknown_physics_predicts_nothing(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_a_load_put_on_in_the_session_is_named_and_its_windows_are_predicted_with_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The body told is that without the load: another campaign has it, this one its own in each window."""
+    monkeypatch.setattr(command, "Sampling", partial(Sampling, duration=6.0))
     campaign, file = tmp_path / "loaded", tmp_path / "explanation.json"
     hidden = ["--hide", "body-step:m=0.15,at=230", "--equilibria", "6", "--validate", "3"]
     assert run(["simulate", "--robot", "irma4", "--out", str(campaign), *hidden]) == 0

@@ -18,6 +18,7 @@ from fidim_lab.app.service.process.board import DefaultAnswer
 from fidim_lab.app.service.process.opening import Opened
 from fidim_lab.app.service.process.service import Identity, Service
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
+from procedures.handlers import placing
 from procedures.protocols import catalogue
 from procedures.report import RunReport, WindowRow
 from procedures.run import run_procedure
@@ -45,6 +46,8 @@ ONE = Plan("one window", TWO.windows[:1])
 
 
 LONGEST = 600.0
+LOOKS = 0.4
+"""periods of the slowest swing, instead of two: the simulated robot rests before its winches are tried"""
 
 
 def short() -> Settings:
@@ -126,5 +129,6 @@ def socket_path() -> Iterator[Path]:
 
 
 @pytest.fixture
-def serving(irma4: Robot, tmp_path: Path, socket_path: Path) -> Serving:
+def serving(irma4: Robot, tmp_path: Path, socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Serving:
+    monkeypatch.setattr(placing, "PERIODS", LOOKS)
     return Serving(irma4, tmp_path / "run", socket_path)
