@@ -178,16 +178,16 @@ def _among_possible(
 ) -> tuple[_Way, Optimum]:
     """The way begun once more, to full length among bodies that can exist, where that settles and is better.
 
-    Along what the data do not determine a fit may run to bodies that cannot, where no derivative holds.
+    Along what the data do not determine a fit may run to bodies that cannot, where no derivative holds. Where it does
+    so even from the best of those that can, this one is taken: the data do not tell others from it.
     """
     way, found = _grown(replace(begun, near_until=np.inf), start, horizons)
     if found is None or len(way.lost) > len(stuck[0].lost):
         return stuck
     way = replace(way, near_until=begun.near_until)
     free = way.optimise(found.point, float(way.limits.max()), way.last)
-    if free is None or not free.ending.settled or free.cost >= stuck[1].cost:
-        return stuck
-    return way, free
+    ended = [one for one in (free, found) if one is not None and one.ending.settled and one.cost < stuck[1].cost]
+    return (way, ended[0]) if ended else stuck
 
 
 def _grown(way: _Way, start: Point, horizons: tuple[float, ...]) -> tuple[_Way, Optimum | None]:

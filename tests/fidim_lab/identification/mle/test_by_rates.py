@@ -66,6 +66,15 @@ def test_yaw_alone_shows_the_inertia_of_the_textbook_and_nothing_else(bifilar: R
     assert "I_xx" in result.answer.not_known
 
 
+def test_where_only_bodies_that_cannot_exist_fit_better_the_best_that_can_is_told(bifilar: Robot) -> None:
+    window = yawing(0.0737, 10.88, np.random.default_rng(11), amplitude=0.048)
+    result = identify(Campaign("yaw", bifilar, 50.0, (window,)), Method.MLE, native=True)
+    assert result.outcome.answers
+    found = result.parameters["I_zz"]
+    assert found.seen
+    assert abs(found.value - 0.0737) < 2 * found.sd < 0.002
+
+
 def test_derivatives_of_rates_are_those_of_differences(bifilar: Robot) -> None:
     mechanism = Mechanism(bifilar, (GyroscopeMount(),), [0.03, -0.02, 0.01, 0.02])
     recording = prepare(yawing(0.055, 3.0, np.random.default_rng(2), amplitude=0.3), bifilar, rates=True)
