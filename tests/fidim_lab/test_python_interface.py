@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import fidim_lab as fl
-from fidim_lab.api.as_command import OTHER_NAMES, in_python
+from fidim_lab.api.as_command import OTHER_NAMES, as_command, in_python
 from fidim_lab.app import cli
 from fidim_lab.data.records import PARAMETER_NAMES
 
@@ -44,6 +45,18 @@ def test_every_public_name_is_there_with_a_docstring_and_no_other() -> None:
         assert inspect.getdoc(getattr(fl, name))
     with pytest.raises(AttributeError, match="there are Body, Campaign"):
         _ = fl.identfy
+
+
+def test_blas_has_one_thread_during_a_call_and_its_own_number_after_it() -> None:
+    def threads() -> set[int]:
+        return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+    def identify() -> set[int]:
+        return threads()
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert as_command(identify)() == {1}
+        assert threads() == {2}
 
 
 @pytest.mark.parametrize("name", ["identify", "explain", "validate", "simulate", "design"])
