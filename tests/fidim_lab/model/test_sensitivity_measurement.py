@@ -32,7 +32,7 @@ def fitted(robot: Robot, hidden: str, effect: NamedEffect, theta: tuple[float, .
     world = make_world(robot, np.random.default_rng(31), (parse_effect(hidden, robot.n),))
     campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(32), recording=Sampling(seconds))
     sd = np.array([10 * parameter.scale for parameter in effect.parameters])
-    return fit(Mechanism(robot, (effect,), theta), campaign.of_role(Role.IDENTIFY), theta_sd=sd)
+    return fit(Mechanism(robot, (effect,), theta, native=True), campaign.of_role(Role.IDENTIFY), theta_sd=sd)
 
 
 @pytest.mark.parametrize(("effect", "theta"), EFFECTS, ids=lambda x: getattr(x, "id", ""))

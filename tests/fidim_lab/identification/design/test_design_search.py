@@ -117,7 +117,7 @@ def test_predicted_sd_is_what_the_estimator_states(drawn, small):
     campaign, _ = simulate_campaign(
         robot, as_plan(small), world, np.random.default_rng(2), Noise.of(robot), Sampling(drawn.task.seconds)
     )
-    found = fit(Mechanism(robot), campaign.windows)
+    found = fit(Mechanism(robot, native=True), campaign.windows)
     stated = np.sqrt(np.diag(found.covariance))[:9]
     np.testing.assert_allclose(small.predicted_sd, stated, rtol=0.2)
 

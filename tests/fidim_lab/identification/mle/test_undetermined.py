@@ -108,7 +108,7 @@ def test_a_touch_that_is_lost_among_all_samples_is_left_out_beside_a_cut(record,
     robot = robot_with(4)
     windows = braked(record(robot, 4, seconds=3.0), 2.5, 1e-2)
     windows[1].markers[windows[1].t > 2.7] = np.nan  # what cleaning found of it
-    assert fit(Mechanism(robot), windows).explained
+    assert fit(Mechanism(robot, native=True), windows).explained
     found = identify(Campaign("touched", robot, 100.0, tuple(windows)), native=True)
     assert next(w.samples for w in found.windows if w.id == "w2") <= 251
     assert "that were kept of window w2 are missed by more than noise" in found.warnings[0]

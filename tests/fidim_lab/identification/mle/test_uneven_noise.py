@@ -95,12 +95,12 @@ def test_a_fit_weighs_directions_by_their_noise(
     """The error keeps to its ±, which is less than that of a fit which takes all directions for equally good."""
     sd, mean = np.array([0.3, 0.5, 2.0]) * 1e-4, 1e-4 * np.sqrt((0.09 + 0.25 + 4.0) / 3)
     robot, distances = replace(four, sensors=replace(four.sensors, marker_noise=mean)), []
-    even = fit(Mechanism(robot), record(robot, 3, seed=1))
+    even = fit(Mechanism(robot, native=True), record(robot, 3, seed=1))
     for seed in range(4):
         random = np.random.default_rng(seed)
         exact = record(robot, 3, seed=seed, noise=0.0)
         windows = [replace(w, markers=w.markers + sd * random.standard_normal(w.markers.shape)) for w in exact]
-        found = fit(Mechanism(robot), windows)
+        found = fit(Mechanism(robot, native=True), windows)
         assert 0.9 < found.chi2_per_dof < 1.1
         error = found.values[:9] - truth(robot).vector
         distances.append(float(error @ np.linalg.solve(found.covariance[:9, :9], error)))

@@ -49,13 +49,13 @@ def test_the_right_model_explains_them_and_no_filter_is_told(
 @pytest.mark.parametrize("digits", [None, 6])
 def test_their_residual_is_white_where_nothing_is_missing(simulated: Callable[..., Campaign], digits: int | None):
     campaign = simulated(digits)
-    found = fit(Mechanism(campaign.robot), list(campaign.windows))
+    found = fit(Mechanism(campaign.robot, native=True), list(campaign.windows))
     assert found.explained
     assert whiteness(of_fit(found)).is_white
 
 
 def test_what_is_missing_is_told_all_the_same(simulated: Callable[..., Campaign]):
     campaign = simulated(None, (AirDragLinear(),), (0.5,))
-    found = fit(Mechanism(campaign.robot), list(campaign.windows))
+    found = fit(Mechanism(campaign.robot, native=True), list(campaign.windows))
     assert not found.explained
     assert not whiteness(of_fit(found)).is_white

@@ -26,7 +26,7 @@ def covered(campaign: Campaign, ids: set[str]) -> Campaign:
     return replace(campaign, windows=tuple(windows))
 
 
-@pytest.mark.parametrize("identify", [partial(by_equations, checks=QUICK), by_likelihood])
+@pytest.mark.parametrize("identify", [partial(by_equations, checks=QUICK), partial(by_likelihood, native=True)])
 @pytest.mark.parametrize("ids", [{"w1"}, {"w1", "w2", "w3", "w4", "w5"}])
 def test_body_is_found_by_the_markers_that_are_seen(recorded, true_body: Body, ids: set[str], identify):
     campaign = covered(recorded(noise=NOISE, cluster=True), ids)

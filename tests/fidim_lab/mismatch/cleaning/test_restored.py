@@ -53,7 +53,7 @@ def test_a_contact_in_a_window_that_the_completed_fit_follows_like_all_others_is
     cleaned = clean(recorded(irma4, HAND))
     true, false = hand("i02", 2.8, 4.2), hand("i04", 2.0, 3.0)
     audited = cut(cleaned, true, false)
-    completed = fit(Mechanism(irma4), audited.campaign.of_role(Role.IDENTIFY))
+    completed = fit(Mechanism(irma4, native=True), audited.campaign.of_role(Role.IDENTIFY))
     assert without_needless_contacts(cleaned, audited, completed).contacts == (true,)
 
 

@@ -48,7 +48,7 @@ def left(found: Fit, campaign: Campaign, free: np.ndarray) -> tuple[float, float
 @pytest.fixture(scope="module")
 def fitted(irma4: Robot) -> tuple[Campaign, Fit]:
     campaign = recorded(irma4)
-    return campaign, short_fit(Mechanism(irma4), campaign.of_role(Role.IDENTIFY))
+    return campaign, short_fit(Mechanism(irma4, native=True), campaign.of_role(Role.IDENTIFY))
 
 
 def test_what_the_fit_does_not_know_is_no_misfit(fitted: tuple[Campaign, Fit]) -> None:

@@ -42,7 +42,7 @@ def base(irma4: Robot) -> Fit:
     hidden = parse_effect("unknown:k=-10", irma4.n)
     world = make_world(irma4, np.random.default_rng(5), (hidden,))
     campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Sampling(2.0, 50.0))
-    return fit(Mechanism(irma4), campaign.of_role(Role.IDENTIFY))
+    return fit(Mechanism(irma4, native=True), campaign.of_role(Role.IDENTIFY))
 
 
 @pytest.fixture(scope="module")

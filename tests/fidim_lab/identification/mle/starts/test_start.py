@@ -87,7 +87,7 @@ def test_a_rest_is_sought_where_the_marker_rested_or_in_the_middle_of_its_motion
 def test_windows_that_nobody_read_are_begun_anew_once_the_others_tell_the_body(four, record, monkeypatch):
     """A rest of a wrong body may be turned so far that a cable is slack at once: the window would be lost."""
     windows = [replace(window, lengths=None) for window in record(four, 4)]
-    found, guessed = fit_module.fit(Mechanism(four), windows), fit_module.first_guesses
+    found, guessed = fit_module.fit(Mechanism(four, native=True), windows), fit_module.first_guesses
     assert not found.journey.slack
     asked = []
 
@@ -100,7 +100,7 @@ def test_windows_that_nobody_read_are_begun_anew_once_the_others_tell_the_body(f
         return tuple(guesses)
 
     monkeypatch.setattr(fit_module, "first_guesses", turned)
-    again = fit_module.fit(Mechanism(four), windows)
+    again = fit_module.fit(Mechanism(four, native=True), windows)
     assert len(asked) == 2
     assert not again.journey.slack
     np.testing.assert_allclose(again.values, found.values, atol=0.1 * found.sd.max())
