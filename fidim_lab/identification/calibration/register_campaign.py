@@ -96,17 +96,20 @@ def register_campaigns(campaigns: Sequence[Campaign]) -> Registered:
         )
     robot = sample.robot
     noise = (robot.sensors.marker_noise, max(robot.sensors.encoder_resolution, robot.sensors.marker_noise))
-    starts = _starts(robot, sample)
-    tried = [one for free in MODELS if (one := _best(robot, sample, free, starts, noise)) is not None]
+    mechanism = Mechanism(robot)
+    starts = _starts(mechanism, sample)
+    tried = [one for free in MODELS if (one := _best(mechanism, sample, free, starts, noise)) is not None]
     if not tried:
         raise RefusedError("No pose has these cable lengths and these markers, wherever the capture frame is put.")
     near = min(tried, key=lambda one: one.criterion).placed
     tried = [
-        one for free in MODELS if (one := _best(robot, sample, free, [*starts, _as_free(near, free, starts[0])], noise))
+        one
+        for free in MODELS
+        if (one := _best(mechanism, sample, free, [*starts, _as_free(near, free, starts[0])], noise))
     ]
     lowest = min(one.criterion for one in tried)
     ranked = sorted((replace(one, criterion=one.criterion - lowest) for one in tried), key=lambda one: one.criterion)
-    suspects = tuple(_suspect(robot, sample, ranked[0], cable, noise) for cable in range(robot.n))
+    suspects = tuple(_suspect(mechanism, sample, ranked[0], cable, noise) for cable in range(robot.n))
     return Registered(tuple(ranked), suspects, sample)
 
 
@@ -126,11 +129,11 @@ def registered_robot(robot: Robot, found: Registered) -> Robot:
     return replace(found.sample.with_markers(robot, placement.body), cables=cables, gravity=back @ robot.gravity)
 
 
-def _starts(robot: Robot, sample: PoseSamples) -> list[Placement]:
+def _starts(mechanism: Mechanism, sample: PoseSamples) -> list[Placement]:
     """As the file has it, and with the frame where the nominal body would hang."""
-    start = Placement.of(robot, sample.markers.shape[1])
+    start = Placement.of(mechanism.robot, sample.markers.shape[1])
     try:
-        turn, shift = aligned(sample.markers, resting(Mechanism(robot), sample))
+        turn, shift = aligned(sample.markers, resting(mechanism, sample))
     except (FidimError, np.linalg.LinAlgError):
         return [start]
     return [start, replace(start, turn=turn, shift=shift)]
@@ -149,7 +152,7 @@ def _as_free(near: WindowPlacement, free: Free, file: Placement) -> WindowPlacem
 
 
 def _best(
-    robot: Robot,
+    mechanism: Mechanism,
     sample: PoseSamples,
     free: Free,
     starts: Sequence[Placement | WindowPlacement],
@@ -160,7 +163,7 @@ def _best(
         if isinstance(start, Placement) and start is not starts[0] and not free.frame:
             continue
         try:
-            found.append(place(robot, sample, free, start, noise))
+            found.append(place(mechanism, sample, free, start, noise))
         except (FidimError, np.linalg.LinAlgError):
             continue
     if not found:
@@ -169,9 +172,9 @@ def _best(
     return Tried(free, best, best.chi2 + best.unknowns * float(np.log(best.markers.size + best.lengths.size)))
 
 
-def _suspect(robot: Robot, sample: PoseSamples, best: Tried, cable: int, noise: tuple[float, float]) -> Suspect:
+def _suspect(mechanism: Mechanism, sample: PoseSamples, best: Tried, cable: int, noise: tuple[float, float]) -> Suspect:
     try:
-        found = place(robot, sample, replace(best.free, anchor=cable), best.placed, noise)
+        found = place(mechanism, sample, replace(best.free, anchor=cable), best.placed, noise)
     except (FidimError, np.linalg.LinAlgError):
         return Suspect(cable + 1, np.full(3, np.nan), best.placed.chi2_per_dof)
     return Suspect(cable + 1, found.placement.anchor, found.chi2_per_dof)

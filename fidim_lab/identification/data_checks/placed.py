@@ -36,7 +36,7 @@ def _frame(mechanism: Mechanism, sample: PoseSamples, noise: tuple[float, float]
     start = Placement.of(robot, sample.markers.shape[1])
     try:
         turn, shift = aligned(sample.markers, resting(mechanism, sample))
-        found = place(robot, sample, Free(frame=True), replace(start, turn=turn, shift=shift), noise).placement
+        found = place(mechanism, sample, Free(frame=True), replace(start, turn=turn, shift=shift), noise).placement
     except (FidimError, np.linalg.LinAlgError):
         return None
     words = f"The motion capture's frame is not the robot's: {moved_in_words(found.turn, found.shift)}"
@@ -47,7 +47,7 @@ def _markers(mechanism: Mechanism, sample: PoseSamples, noise: tuple[float, floa
     robot = mechanism.robot
     start = Placement.of(robot, sample.markers.shape[1])
     try:
-        found = place(robot, sample, Free(markers=True), start, noise).placement
+        found = place(mechanism, sample, Free(markers=True), start, noise).placement
     except (FidimError, np.linalg.LinAlgError):
         return None
     by = found.body - start.body

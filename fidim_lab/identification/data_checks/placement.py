@@ -97,20 +97,25 @@ class WindowPlacement:
 
 
 def place(
-    robot: Robot, sample: PoseSamples, free: Free, start: "Placement | WindowPlacement", noise: tuple[float, float]
+    mechanism: Mechanism,
+    sample: PoseSamples,
+    free: Free,
+    start: "Placement | WindowPlacement",
+    noise: tuple[float, float],
 ) -> WindowPlacement:
     """Fit from a guess, or go on from an answer and its poses.
 
-    noise: standard deviations of a marker coordinate and of a length, m.
+    mechanism: of the sample's robot, without effects. noise: standard deviations of a marker coordinate and of a
+    length, m.
 
     Raises InfeasibleError where no pose has these lengths, RefusedError where it does not settle.
     """
     placement = start.placement if isinstance(start, WindowPlacement) else start
-    now = _State(Mechanism(robot), sample, noise, placement, free.anchor)
+    now = _State(mechanism, sample, noise, placement, free.anchor)
     if isinstance(start, WindowPlacement):
         p, turned = start.positions, start.rotations
     else:
-        p, turned = fit_poses(now.mechanism_of(start), sample.lengths - start.zeros, now.seen(start))
+        p, turned = fit_poses(mechanism, sample.lengths - start.zeros, now.seen(start), body=start.body)
     for _ in range(STEPS):
         system = _System.of(now, placement, p, turned, free)
         theta, poses = system.step()
@@ -131,11 +136,6 @@ class _State:
     noise: tuple[float, float]
     prior: Placement
     anchor: int | None
-
-    def mechanism_of(self, placement: Placement) -> Mechanism:
-        robot, body = self.mechanism.robot, placement.body
-        further = (*body[1:], *robot.markers[len(body) :])
-        return Mechanism(replace(robot, marker=body[0], extra_markers=tuple(further)))
 
     def seen(self, placement: Placement) -> Float[np.ndarray, "S M 3"]:
         return self.sample.markers @ placement.turn.T + placement.shift

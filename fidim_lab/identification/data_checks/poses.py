@@ -79,13 +79,18 @@ def _seen(windows: tuple[Window, ...]) -> list[int]:
 
 
 def fit_poses(
-    mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray, near: Rotations | None = None
+    mechanism: Mechanism,
+    lengths: np.ndarray,
+    markers: np.ndarray,
+    near: Rotations | None = None,
+    body: Float[np.ndarray, "M 3"] | None = None,
 ) -> tuple[Positions, Rotations]:
-    """The best poses near these orientations, upright ones unless given.
+    """The best poses near these orientations, upright ones unless given; body: of the markers, unless the robot's.
 
     Raises InfeasibleError or LinAlgError where the model has none.
     """
-    looked = _Looked.near(lengths, markers, mechanism.robot.markers[: markers.shape[1]], near)
+    body = mechanism.robot.markers[: markers.shape[1]] if body is None else body
+    looked = _Looked.near(lengths, markers, body, near)
     p, turned = looked.begin()
     for _ in range(DATA_CHECKS.robot_mistakes_rounds):
         made = mechanism.lengths(p, turned), mechanism.structure_matrix(p, turned)
