@@ -2,27 +2,23 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.online_monitor import Watch
 from fidim_lab.mismatch.thresholds import SHARED
-from sim_backends.plant.hidden import parse_effect
-from sim_backends.plant.world import make_world
-from sim_backends.simulate import Sampling, simulate_campaign
 
 
-def windows_of(robot, *texts, count=4, seconds=3.0):
-    plan = random_plan(robot, "session", count, 1, 5)
-    world = make_world(robot, np.random.default_rng(5), tuple(parse_effect(text, robot.n) for text in texts))
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Sampling(seconds))
-    return campaign.windows[:count]
+@pytest.fixture(scope="module")
+def windows_of(campaign_of):
+    def made(*texts, count=4):
+        return campaign_of(*texts, seed=5, windows=4, seconds=3.0).windows[:count]
+
+    return made
 
 
-def test_windows_without_hidden_physics_hold(irma4):
+def test_windows_without_hidden_physics_hold(irma4, windows_of):
     watch = Watch(irma4, native=True)
-    said = [watch.look([window]) for window in windows_of(irma4)]
+    said = [watch.look([window]) for window in windows_of()]
     assert [one.chi2_per_dof is None for one in said] == [True, True, False, False]
     assert f"{SHARED.fewest} are needed" in said[0].says
     assert said[-1].holds
@@ -32,8 +28,8 @@ def test_windows_without_hidden_physics_hold(irma4):
 
 
 @pytest.mark.slow
-def test_drag_is_suspected_window_by_window_as_at_once(irma4):
-    windows = windows_of(irma4, "air-drag-linear:c=0.5")
+def test_drag_is_suspected_window_by_window_as_at_once(irma4, windows_of):
+    windows = windows_of("air-drag-linear:c=0.5")
     watch = Watch(irma4, native=True)
     watch.look(windows[:3])
     last = watch.look(windows[3:])
@@ -46,8 +42,8 @@ def test_drag_is_suspected_window_by_window_as_at_once(irma4):
     assert last.suspected[0].log_evidence == pytest.approx(once.suspected[0].log_evidence, rel=0.05)
 
 
-def test_a_window_of_another_robot_is_said_at_once(irma4):
-    window = windows_of(irma4, count=1)[0]
+def test_a_window_of_another_robot_is_said_at_once(irma4, windows_of):
+    window = windows_of(count=1)[0]
     swapped = replace(window, lengths=window.lengths[:, [1, 0, 2, 3]])
     said = Watch(irma4, native=True).look([swapped])
     assert not said.holds
@@ -56,8 +52,8 @@ def test_a_window_of_another_robot_is_said_at_once(irma4):
 
 @pytest.mark.parametrize("hidden", ["air-drag-linear:c=0.5", "gravity-tilt:rx=0.02"])
 @pytest.mark.slow
-def test_what_was_done_on_the_first_two_windows_changes_hardly_anything_that_is_told(irma4, hidden):
-    windows = windows_of(irma4, hidden, count=3)
+def test_what_was_done_on_the_first_two_windows_changes_hardly_anything_that_is_told(irma4, windows_of, hidden):
+    windows = windows_of(hidden, count=3)
     one_by_one = Watch(irma4, native=True)
     last = [one_by_one.look([window]) for window in windows][-1]
     once = Watch(irma4, native=True).look(windows)

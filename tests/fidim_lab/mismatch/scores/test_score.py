@@ -1,5 +1,6 @@
 """The score of every hypothesis against finite differences of fits, and what it names in simulated campaigns."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,16 +11,12 @@ from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
-from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, hypotheses
 from fidim_lab.mismatch.scores.score import freedom, pair_scores, project, single_scores
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.starts import tied
-from sim_backends.plant.hidden import parse_effect
-from sim_backends.plant.world import make_world
-from sim_backends.simulate import Sampling, simulate_campaign
 
 CHECKED = (
     "air-drag-linear",
@@ -53,16 +50,13 @@ class Case:
         return replace(every, periodic=tuple(h for h in every.periodic if h.absent[-1] in (0.5, 1.1, 3.0)))
 
 
-def make(robot: Robot, *texts: str, seconds: float = 3.0) -> Case:
-    plan = random_plan(robot, "short", 4, 1, 5)
-    world = make_world(robot, np.random.default_rng(5), tuple(parse_effect(text, robot.n) for text in texts))
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Sampling(seconds))
-    return Case(campaign, fit(Mechanism(robot, native=True), campaign.of_role(Role.IDENTIFY)))
+def case_of(campaign: Campaign) -> Case:
+    return Case(campaign, fit(Mechanism(campaign.robot, native=True), campaign.of_role(Role.IDENTIFY)))
 
 
 @pytest.fixture(scope="module")
-def dragged(irma4: Robot) -> Case:
-    return make(irma4, "air-drag-linear:c=0.5")
+def dragged(campaign_of: Callable[..., Campaign]) -> Case:
+    return case_of(campaign_of("air-drag-linear:c=0.5", seed=5, windows=4, seconds=3.0))
 
 
 @pytest.mark.slow
@@ -132,8 +126,8 @@ def test_bounds_hold(dragged: Case) -> None:
         assert (theta <= high + 1e-12).all()
 
 
-def test_nothing_is_named_where_nothing_is_hidden(irma4: Robot) -> None:
-    case = make(irma4)
+def test_nothing_is_named_where_nothing_is_hidden(irma4: Robot, campaign_of: Callable[..., Campaign]) -> None:
+    case = case_of(campaign_of(seed=5, windows=4, seconds=3.0))
     found = case.found
     projected = project(
         Scorer(found.likelihood.mechanism, case.few), found, found.likelihood, found.journey.optimum.simulation
