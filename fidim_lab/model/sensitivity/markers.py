@@ -64,21 +64,18 @@ def varied_at_nodes(
     # δ(R m) = δθ × R m with δθ = R δφ
     turned = -arms @ trajectories.rotations[:, nodes, np.newaxis]
     swept = skew((spin @ held[..., np.newaxis])[..., 0])
-    none = np.zeros_like(one)
-    by_pose = np.stack(
-        [
-            np.concatenate([one, turned], axis=-1),
-            np.concatenate([none, spin @ turned], axis=-1),
-            np.concatenate([none, (spin_rate + spin @ spin) @ turned], axis=-1),
-        ],
-        axis=2,
-    )
-    rigid = np.concatenate([one, -arms], axis=-1)
-    by_spin = np.concatenate([none, -swept - spin @ arms], axis=-1)
-    varied = by_pose @ by.poses[:, nodes, np.newaxis, np.newaxis]
-    varied[:, :, 1] += rigid @ by.twists[:, nodes, np.newaxis]
-    varied[:, :, 2] += by_spin @ by.twists[:, nodes, np.newaxis] + rigid @ by.accelerations[:, nodes, np.newaxis]
-    return varied
+    windows, count, marked = arms.shape[:3]
+    by_all = np.zeros((windows, count, 3, marked, 3, 18))  # of poses, twists and accelerations, 6 each
+    by_all[:, :, 0, ..., :3], by_all[:, :, 0, ..., 3:6] = one, turned
+    by_all[:, :, 1, ..., 3:6] = spin @ turned
+    by_all[:, :, 1, ..., 6:9], by_all[:, :, 1, ..., 9:12] = one, -arms
+    by_all[:, :, 2, ..., 3:6] = (spin_rate + spin @ spin) @ turned
+    by_all[:, :, 2, ..., 9:12] = -swept - spin @ arms
+    by_all[:, :, 2, ..., 12:15], by_all[:, :, 2, ..., 15:] = one, -arms
+    moves = np.concatenate([by.poses[:, nodes], by.twists[:, nodes], by.accelerations[:, nodes]], axis=2)
+    # one product a node: small ones, one for each marker, take three times as long
+    varied = by_all.reshape(windows, count, 9 * marked, 18) @ moves
+    return varied.reshape(windows, count, 3, marked, 3, -1)
 
 
 def varied_at(
