@@ -178,7 +178,9 @@ def _why_lost(one: WholeModel, behind: float, outcome: SearchOutcome) -> str:
     """A line for people."""
     best = outcome.best
     if behind <= -ODDS:
-        return "It fits better, but predicts held-out windows no better."
+        share = taken(best, one) if one.is_predicted else 0.0
+        hardly = f"hardly better: {100 * share:.0f} % of what is left of them goes" if share > 0.0 else "no better"
+        return f"It fits better, but predicts held-out windows {hardly}."
     name = " + ".join(h.label for h in best.terms) or "nothing left out"
     return odds_against(behind, name, further=one.size > best.size)
 
