@@ -6,11 +6,13 @@ stands alone where every rival loses odds of 20, general geometry among them.
 
 import numpy as np
 
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.mismatch.conclusion.explanation import ClassMember
 from fidim_lab.mismatch.conclusion.parts import EffectParameter
-from fidim_lab.mismatch.fitting.refit import Completed, evidence
+from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
+from fidim_lab.mismatch.selection.candidates import evidence_of_all
 from fidim_lab.mismatch.selection.confounders import imitators
 from fidim_lab.mismatch.selection.general_geometry import rival
 from fidim_lab.mismatch.selection.select import Selection
@@ -19,13 +21,14 @@ from fidim_lab.mismatch.thresholds import SHARED
 
 def alike(found: Selection, k: int) -> tuple[ClassMember, ...]:
     """Other effects that may stand in the place of term k of the best model, the most alike first; one of each id."""
-    named = found.best.model.tried[k].effect.id
-    seen = imitators(found.last, k) if found.best.model.whole else ()
-    members = {one.tried.effect.id: _member(one.tried, one.theta, one.loss) for one in seen}
-    for id, member in _by_fits(found, k).items():
-        if id not in members or member.loss < members[id].loss:
-            members[id] = member
-    close = [one for id, one in members.items() if id != named and one.loss < SHARED.enough]
+    named, fits = found.best.model.tried[k].effect.id, _by_fits(found, k)
+    foretold = imitators(found.last, k) if found.best.model.whole else ()
+    # what the search found more convincing loses nothing to what is only foretold
+    seen = [_member(one.tried, one.theta, max(0.0, one.loss)) for one in foretold if one.tried.effect not in fits]
+    members: dict[str, ClassMember] = {}
+    for member in sorted((*fits.values(), *seen), key=lambda one: one.loss):
+        members.setdefault(member.id, member)
+    close = [one for one in members.values() if one.id != named and one.loss < SHARED.enough]
     return tuple(sorted(close, key=lambda one: (one.loss, one.id)))
 
 
@@ -49,21 +52,21 @@ def _member(tried: Hypothesis, theta: np.ndarray, loss: float, sd: np.ndarray | 
     return ClassMember(tried.effect.id, tried.effect.cable, float(loss), parameters)
 
 
-def _by_fits(found: Selection, k: int) -> dict[str, ClassMember]:
+def _by_fits(found: Selection, k: int) -> dict[NamedEffect, ClassMember]:
     """What stands in the place of term k in models of whole windows that differ from the best in it alone."""
     best = found.best.model
     kept = {h.effect for j, h in enumerate(best.tried) if j != k}
-    members: dict[str, ClassMember] = {}
+    members: dict[NamedEffect, ClassMember] = {}
     for candidate in found.tried:
         effects = {h.effect for h in candidate.model.tried}
         if candidate.model is best or len(effects) != len(best.tried) or not kept < effects:
             continue
         (other,) = effects - kept
         if other.cable in (None, best.tried[k].effect.cable):
-            loss = max(0.0, evidence(best, candidate.model, max(1.0, best.fit.chi2_per_dof)))
+            loss = max(0.0, -evidence_of_all(candidate, found.best, max(1.0, best.fit.chi2_per_dof)))
             at = next(j for j, h in enumerate(candidate.model.tried) if h.effect == other)
-            if other.id not in members or loss < members[other.id].loss:
-                members[other.id] = _member(candidate.model.tried[at], *_sized(candidate.model, at, loss))
+            if other not in members or loss < members[other].loss:
+                members[other] = _member(candidate.model.tried[at], *_sized(candidate.model, at, loss))
     return members
 
 

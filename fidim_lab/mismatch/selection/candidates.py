@@ -104,6 +104,16 @@ def advantage(model: Completed, than: Completed) -> float:
     return evidence(model, than, common_scale([model, than]))
 
 
+def evidence_of_all(judged: Candidate, than: Candidate, scale: float) -> float:
+    """Log-evidence of one model over another of all windows: of those fitted, and of those held out given these.
+
+    scale: as `evidence`. Held-out windows that only one of them can follow say nothing here.
+    """
+    before, after = than.held_out, judged.held_out
+    held = 0.5 * (before.chi2 - after.chi2) / scale if before.dof == after.dof else 0.0
+    return evidence(judged.model, than.model, scale) + held
+
+
 def price(model: Completed, k: int) -> float:
     """Nats that doing without term k would cost, to first order."""
     place, tried = model.place_of(k), model.tried[k]

@@ -12,6 +12,7 @@ from itertools import islice
 import numpy as np
 
 from fidim_lab.effects.plausibility import Context
+from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.mismatch.fitting.fit_data import Ground
 from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
@@ -70,7 +71,8 @@ def imitators(seen: View, k: int, *, any_cable: bool = False) -> tuple[Imitator,
 def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SHARED.slight) -> list[Completed]:
     """The model that was looked at with other effects instead of a term, where they come near; at least two terms.
 
-    What has more freedom than the term is left out: it would not convince where it only imitates.
+    What has more freedom than the term is left out, unless it is to say more: it would not convince where it only
+    imitates.
     ground: what the model was fitted to. slight: share of a term's evidence that another may miss.
     """
     model = seen.model
@@ -79,8 +81,8 @@ def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SHARED.
     for k in range(len(model.tried)) if len(model.tried) > 1 else ():
         freedom = len(model.tried[k].scored)
         near = (one for one in imitators(seen, k, any_cable=True) if one.loss < SCORES.views_tie + slight * one.whole)
-        simple = (one for one in near if len(one.tried.scored) <= freedom)
-        for other in islice(simple, SHARED.runners_up):
+        worth = (one for one in near if len(one.tried.scored) <= freedom or one.loss < -ODDS)
+        for other in islice(worth, SHARED.runners_up):
             say(f"fitting {model.label} with {other.tried.label} instead of {model.tried[k].label}")
             fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
     return found_side_by_side(fits)

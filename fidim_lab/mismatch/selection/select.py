@@ -19,8 +19,8 @@ from fidim_lab.mismatch.selection.candidates import (
     accepted,
     best_of,
     candidate,
-    more_convincing,
-    of_model,
+    common_scale,
+    evidence_of_all,
     price,
     rank,
 )
@@ -137,10 +137,11 @@ def _with_imitators(search: Search, standing: SearchState) -> SearchState:
         search.trials.judged(model) for model in in_their_place(standing.last, search.start.whole_ground, search.say)
     ]
     search.trials.tried += fresh
-    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * SHARED.enough]
-    more = more_convincing(best.model, [c.model for c in as_good])
-    chosen = None if more is None else of_model(more, as_good)
-    return standing if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
+    scale = common_scale([best.model, *(one.model for one in fresh)])
+    chosen = max(fresh, key=lambda one: evidence_of_all(one, best, scale), default=None)
+    if chosen is None or evidence_of_all(chosen, best, scale) < SHARED.enough:
+        return standing
+    return search.over_whole_windows(search.trials.without_needless(chosen))
 
 
 def _with_siblings(search: Search, standing: SearchState) -> SearchState:

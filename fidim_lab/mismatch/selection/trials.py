@@ -19,6 +19,7 @@ from fidim_lab.mismatch.selection.candidates import (
     advantage,
     candidate,
     common_scale,
+    evidence_of_all,
     more_convincing,
     most_convincing,
     price,
@@ -132,12 +133,16 @@ class Trials:
         return model
 
     def without_needless(self, one: Candidate) -> Candidate:
-        """The same, pruned: what stands in the place of a term may have made another one needless."""
+        """The same, pruned: what stands in the place of a term may have made another one needless.
+
+        Not where held-out windows speak for what was pruned.
+        """
         less = self.pruned(one.model)
         if less is one.model:
             return one
         self.tried.append(self.judged(less))
-        return self.tried[-1]
+        scale = common_scale([one.model, less])
+        return one if evidence_of_all(one, self.tried[-1], scale) >= SHARED.enough else self.tried[-1]
 
     def _simpler(self, model: Completed, k: int) -> Completed | None:
         """With the parts into which term k falls in its place, or beside others its simple form; None without any."""
