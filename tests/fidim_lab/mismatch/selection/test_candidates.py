@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from fidim_lab.mismatch.selection.candidates import Candidate, improves
+from fidim_lab.mismatch.fitting.refit import evidence
+from fidim_lab.mismatch.selection.candidates import Candidate, evidence_of_all, improves
 
 
 @pytest.fixture
@@ -42,3 +43,13 @@ def test_what_is_taken(judged, before, after, taken, taken_if_feeble):
     best, fresh = judged(*before), judged(*after)
     assert improves(fresh, best) == taken
     assert improves(fresh, best, feeble=True) == taken_if_feeble
+
+
+def test_evidence_of_all_windows_counts_those_held_out_where_both_follow_them_as_far(claim: Callable[..., Candidate]):
+    better, worse = claim(fitted=1.01, held_out=1.0, held_dof=1000), claim(fitted=1.0, held_out=1.2, held_dof=1000)
+    alone = evidence(better.model, worse.model, 1.0)
+    assert alone < 0.0
+    assert evidence_of_all(better, worse, 1.0) == pytest.approx(alone + 100.0)
+    assert evidence_of_all(better, worse, 2.0) == pytest.approx(evidence(better.model, worse.model, 2.0) + 50.0)
+    less_followed = claim(fitted=1.0, held_out=1.2, held_dof=900)
+    assert evidence_of_all(better, less_followed, 1.0) == pytest.approx(alone)
