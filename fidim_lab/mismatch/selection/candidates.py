@@ -107,10 +107,12 @@ def advantage(model: Completed, than: Completed) -> float:
 def evidence_of_all(judged: Candidate, than: Candidate, scale: float) -> float:
     """Log-evidence of one model over another of all windows: of those fitted, and of those held out given these.
 
-    scale: as `evidence`. Held-out windows that only one of them can follow say nothing here.
+    scale: as `evidence`; what the better one leaves of held-out windows counts as noise there. Those that only one of
+    them can follow say nothing here.
     """
     before, after = than.held_out, judged.held_out
-    held = 0.5 * (before.chi2 - after.chi2) / scale if before.dof == after.dof else 0.0
+    noise = max(scale, min(before.chi2_per_dof, after.chi2_per_dof))
+    held = 0.5 * (before.chi2 - after.chi2) / noise if before.dof == after.dof else 0.0
     return evidence(judged.model, than.model, scale) + held
 
 

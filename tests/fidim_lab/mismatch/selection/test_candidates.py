@@ -51,5 +51,7 @@ def test_evidence_of_all_windows_counts_those_held_out_where_both_follow_them_as
     assert alone < 0.0
     assert evidence_of_all(better, worse, 1.0) == pytest.approx(alone + 100.0)
     assert evidence_of_all(better, worse, 2.0) == pytest.approx(evidence(better.model, worse.model, 2.0) + 50.0)
+    astray = claim(fitted=1.01, held_out=10.0, held_dof=1000), claim(fitted=1.0, held_out=12.0, held_dof=1000)
+    assert evidence_of_all(*astray, 1.0) == pytest.approx(alone + 100.0)  # of what both miss by far a unit is no nat
     less_followed = claim(fitted=1.0, held_out=1.2, held_dof=900)
     assert evidence_of_all(better, less_followed, 1.0) == pytest.approx(alone)
