@@ -146,6 +146,16 @@ class _Session:
         return corrected if kept else found
 
     def corrected(self, changes: SessionChanges) -> _Corrected | None:
+        """As `_fitted`; a step among windows that were not fitted stands where these are predicted best."""
+        best = self._fitted(changes)
+        if best is None or changes.are_placed:
+            return best
+        fitted = [recording.window.id for recording in best.look.exact.fit.likelihood.recordings]
+        tried = [one for other in changes.placed(fitted) if (one := self._fitted(other)) is not None]
+        best = min((best, *tried), key=lambda one: one.look.exact.predicted.chi2)
+        return replace(best, changes=replace(best.changes, are_placed=True))
+
+    def _fitted(self, changes: SessionChanges) -> _Corrected | None:
         """The readings as their sensors should have read, and the body as each window has it, fitted.
 
         None where no motion follows from these, as of a body that cannot exist.

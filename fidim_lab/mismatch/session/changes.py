@@ -4,7 +4,7 @@ Beforehand every size between a fraction of a count and centimetres is as likely
 every cable and window that can be picked: evidence is averaged over them. θ is normal and the fit is linearised.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.session.influence import AXES, Influence, influence
-from fidim_lab.mismatch.session.kinds import CONSTANT, SessionKind, session_kinds
+from fidim_lab.mismatch.session.kinds import CONSTANT, SessionKind, not_told_apart, session_kinds
 from fidim_lab.mismatch.session.load import PointLoad, changed, load_of
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.sensitivity.equations import BODY
@@ -71,6 +71,14 @@ class SessionChanges:
     """χ²/dof that these leave, at least 1"""
     body: Body
     """without the changes, where it is not the same in all windows"""
+    are_placed: bool = False
+    """whether windows that were not fitted were asked where steps are"""
+
+    def placed(self, fitted: Sequence[str]) -> Iterator["SessionChanges"]:
+        """The same with one of its steps elsewhere, where windows that were fitted do not tell these apart."""
+        for k, one in enumerate(self.found):
+            for kind in not_told_apart(one.kind, self.order, fitted):
+                yield replace(self, found=(*self.found[:k], replace(one, kind=kind), *self.found[k + 1 :]))
 
     @property
     def nats(self) -> float:

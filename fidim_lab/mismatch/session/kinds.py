@@ -123,3 +123,18 @@ def _steps(
     for k in range(0 if once else 1, len(order)):
         course = (windows == k if once else windows >= k).astype(float)
         yield SessionKind(id, cable, chosen, course, names, order[k])
+
+
+def not_told_apart(kind: SessionKind, order: Sequence[str], fitted: Sequence[str]) -> tuple[SessionKind, ...]:
+    """Steps at other windows, or the same in one window alone, which differ from a step only in windows not fitted.
+
+    order: ids of all windows, as they were recorded; fitted: of those that were fitted, or of parts of them.
+    """
+    if kind.first is None:
+        return ()
+    what = (kind.cable, kind.chosen, order, kind.names)
+    every = [*_steps(BODY_STEP if kind.is_body else kind.id, *what)]
+    every += [*_steps(BODY_ONCE, *what, once=True)] if kind.is_body else []
+    at = [order.index(whole_id(id)) for id in fitted]
+    others = (one for one in every if not np.array_equal(one.course, kind.course))
+    return tuple(one for one in others if np.array_equal(one.course[at], kind.course[at]))
