@@ -253,6 +253,9 @@ class Window:
     body_change: np.ndarray | None = None
     """(9,): what `Body.vector` has here beyond that of the campaign: of a body that changes over a session, found by
     `fidim explain` and never recorded. None: nothing"""
+    body_change_by: np.ndarray | None = None
+    """(9, p): its derivative by p numbers, the same in all windows, of which it was estimated, each in units of its
+    standard deviation beforehand; None: it is exact"""
 
     @property
     def duration(self) -> float:

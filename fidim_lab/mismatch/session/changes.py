@@ -145,7 +145,10 @@ class SessionChanges:
         if load is not None:  # less of a load does not change the body in proportion
             part, whole = (changed(self.body, of * load.share, load.at) for of in (share, 1.0))
             body += part - share * whole
-        return replace(window, body_change=body if window.body_change is None else window.body_change + body)
+        by = share * one.size * one.kind.chosen[-BODY:]
+        if window.body_change is not None and window.body_change_by is not None:  # of another kind
+            body, by = window.body_change + body, np.hstack([window.body_change_by, by])
+        return replace(window, body_change=body, body_change_by=by)
 
 
 def session_changes(found: Fit, campaign: Campaign, enough: float) -> SessionChanges | None:

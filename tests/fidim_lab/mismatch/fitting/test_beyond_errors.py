@@ -69,6 +69,21 @@ def test_missing_physics_stays(irma4: Robot, fitted: tuple[Campaign, Fit]) -> No
     assert beyond > 1.5 * count
 
 
+def test_what_a_body_changes_by_is_known_no_better_than_it_was_estimated(fitted: tuple[Campaign, Fit]) -> None:
+    campaign, found = fitted
+    sideways = np.eye(9)[:, 1:2]
+    off = -0.003 * sideways[:, 0]  # m: of the centre of mass
+    known = [replace(window, body_change=off) for window in campaign.windows]
+    open_ = [replace(window, body_change_by=0.006 * sideways) for window in known]
+    everything = np.ones(len(found.values), dtype=bool)
+    before, beyond, count = left(found, replace(campaign, windows=tuple(known)), everything)
+    assert beyond > 2 * count, "that must be seen"
+    assert left(found, replace(campaign, windows=tuple(open_)), everything)[:2] == (
+        pytest.approx(before),
+        pytest.approx(count, abs=4 * np.sqrt(2 * count)),
+    )
+
+
 def test_nothing_is_recorded_where_nothing_was(fitted: tuple[Campaign, Fit]) -> None:
     campaign, found = fitted
     window = campaign.of_role(Role.VALIDATE)[0]
