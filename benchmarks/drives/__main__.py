@@ -1,4 +1,4 @@
-"""`python -m benchmarks.drives FOLDER`: every EDS and DCF file below a folder; the page of docs with --write.
+"""`python -m benchmarks.drives FOLDER`: every EDS, DCF, XDD and XDC file below a folder; the page of docs with --write.
 
 Exit code 1 where a file is neither read nor refused with a cure, or a drive that is
 not refused does not come to the end of its walk.
@@ -20,7 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     paths = files_in(options.folder)
     if not paths:
-        print(f"{options.folder}: no EDS or DCF file there", file=sys.stderr)
+        print(f"{options.folder}: no EDS, DCF, XDD or XDC file there", file=sys.stderr)
         return 2
     counted = [count(path) for path in paths]
     astray = [one for one in counted if one.walked is not None and not one.whole]

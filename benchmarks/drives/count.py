@@ -14,7 +14,7 @@ from fidim_lab.data.eds import EdsFile, read_dictionary
 from fidim_lab.errors import FileError
 
 NODE = 5
-_KINDS = (".eds", ".dcf")
+_KINDS = (".eds", ".dcf", ".xdd", ".xdc")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Counted:
 
 
 def files_in(folder: Path) -> list[Path]:
-    """EDS and DCF files, below it as well."""
+    """EDS, DCF, XDD and XDC files, below it as well."""
     return sorted(path for path in folder.rglob("*") if path.suffix.lower() in _KINDS and path.is_file())
 
 

@@ -21,7 +21,7 @@ def test_a_folder_is_counted(tmp_path):
         "(1 makers) and 0 are refused before power."
     )
     refused = next(one.refused for one in counted if one.refused)
-    assert refused.startswith("none.eds: line 1: is XML or a web page, no EDS file Of an XDD file")
+    assert refused.startswith("none.eds: line 1: is XML or a web page, no EDS file Download the raw file")
     assert "| state machine | must have | 2 | 0 | 0 |" in by_requirement(counted)
     assert "no drive" in by_maker(counted)
 

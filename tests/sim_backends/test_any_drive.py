@@ -94,3 +94,13 @@ def test_a_drive_that_a_killed_host_has_left_is_taken_over_with_or_without_a_vel
     sample = run(script())
     assert sample.state is DriveState.QUICK_STOP_ACTIVE
     assert 1.0 < sample.length < 1.1
+
+
+@pytest.mark.parametrize("objects", [("6081", "6083", "6085", "607F"), ("6078",)])
+def test_a_drive_whose_numbers_are_real_ones_walks(tmp_path, objects):
+    def real(found: re.Match[str]) -> str:
+        return re.sub("DataType=.*", "DataType=0x0008", found[0]) if found[1] in objects else found[0]
+
+    path = tmp_path / "drive.eds"
+    path.write_text(SECTIONS.sub(real, TEXT), encoding="utf-8")
+    assert walk(winch_config(path, DriveFamily())).stage == "power off"

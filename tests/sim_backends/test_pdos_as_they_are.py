@@ -162,10 +162,10 @@ REFUSED = {
     "no word of the mapping": (dict(pdos={k: [0] for k in OF_CIA_402}), "1A00, 1A01, 1A02, 1A03: read only, and the"),
     "more than is sent": (
         dict(pdos=OF_CIA_402 | {0x1402: [CONTROL, TARGET, 0x60830010]}),
-        "no RPDO carries 6040:0 with 607A:0 (none of type 255 has 2 places, or these alone)",
+        "no RPDO carries 6040:0 with 607A:0 (no other of transmission type 255 has places for these",
     ),
     "a position of 16 bits": (dict(pdos=OF_CIA_402 | {0x1802: [STATUS, 0x60640010]}), "no TPDO carries 6064:0"),
-    "no PDO": (dict(pdos={}), "it has no TPDO"),
+    "no PDO": (dict(pdos={}), "it has none of TPDO 1 to 4"),
 }
 
 

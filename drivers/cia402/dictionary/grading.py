@@ -59,6 +59,9 @@ def narrowed(config: WinchConfig, table: tuple[Graded, ...]) -> WinchConfig:
     return changed
 
 
+_RAMPS = {Mode.PROFILE_POSITION: ("6081:0", "6083:0"), Mode.CYCLIC_POSITION: ("60C2:1", "60C2:2")}
+"""what a move needs beside its target, in the modes in which a winch is driven"""
+_IN_RIG_FILE = {Mode.PROFILE_POSITION: "profile-position", Mode.CYCLIC_POSITION: "cyclic-position"}
 _OF_THE_NETWORK = ("reaction to a lost host", "heartbeat of the drive")
 """what heartbeats or node guarding give, never both: heartbeats first"""
 
@@ -72,8 +75,7 @@ def _as_configured(requirement: Requirement, able: Abilities, config: WinchConfi
     if vendor is not None:
         return replace(requirement, objects=((f"{vendor.index:04X}:{vendor.sub:X}",), *requirement.objects))
     if requirement.key == "position command":
-        ramps = ("6081:0", "6083:0") if config.mode is Mode.PROFILE_POSITION else ("60C2:1", "60C2:2")
-        return replace(requirement, objects=((*requirement.objects[0], *ramps),))
+        return replace(requirement, objects=((*requirement.objects[0], *_RAMPS[config.mode]),))
     return requirement
 
 
@@ -93,14 +95,15 @@ def _grade(
     if requirement.key == "load reported":
         return _load(requirement, able, config)
     lacks: list[str] = []
+    other = _other_mode(able, config.mode, told) if requirement.key == "position command" else ""
     if requirement.key == "position command" and (says := _without_mode(config.mode, told)):
-        return Graded(requirement, Met.ABSENT, says)
+        return Graded(requirement, Met.ABSENT, says + other)
     for alternative in requirement.objects:
         problems = [says for name in alternative if (says := _problem(name, able, wanted.get(name), told, config.mode))]
         if not problems:
             return Graded(requirement, Met.CONFIGURED, " + ".join(alternative))
         lacks.append(" and ".join(problems))
-    found = "; ".join(lacks)
+    found = "; ".join(lacks) + other
     if (proof := met_by_trial(requirement, config.proofs, serial_number)) is not None:
         shown = f"{proof.trial}: {1e3 * proof.distance:.1f} mm in {proof.time:.2f} s from {proof.speed:g} m/s"
         return Graded(requirement, Met.TRIAL, f"{found}; {shown}", proof)
@@ -133,6 +136,15 @@ def _without_mode(mode: Mode, told: Mapping[str, int]) -> str:
     return f"6502:0 is 0x{modes:X}: no {mode_name(mode)}" if modes and not modes >> (mode - 1) & 1 else ""
 
 
+def _other_mode(able: Abilities, mode: Mode, told: Mapping[str, int]) -> str:
+    """Which mode of the rig file this drive does have instead; empty where it has none."""
+    for other, needs in _RAMPS.items():
+        there = all(able.can_write(int(name[:4], 16), int(name[5:], 16)) for name in needs)
+        if other is not mode and there and able.can_write(0x6060) and not _without_mode(other, told):
+            return f'; it has {mode_name(other)}: set mode = "{_IN_RIG_FILE[other]}"'
+    return ""
+
+
 def _load(requirement: Requirement, able: Abilities, config: WinchConfig) -> Graded:
     tells = next((e for pdo in able.layout.tpdos for e in pdo.entries if e.name not in _NO_LOAD), None)
     if tells is None:
@@ -142,6 +154,8 @@ def _load(requirement: Requirement, able: Abilities, config: WinchConfig) -> Gra
         other = able.registers.get((0x6077, 0))
         could = config.load is Load.CURRENT and other is not None and other.mappable and other.code
         says = '; it has 6077: set load = "torque"' if could and not able.has(0x6078) else ""
+        if not says and not own and other is None and not able.has(0x6078):
+            says = "; name the object that holds its current in a family file (load)"
         return Graded(requirement, Met.HOST, f"no TPDO carries {name}{says}")
     index, sub, _ = tells.value
     return Graded(requirement, Met.CONFIGURED, f"{index:04X}:{sub:X}")

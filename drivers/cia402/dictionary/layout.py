@@ -158,7 +158,9 @@ class _Reasons:
         self.found: dict[str, list[str]] = {}
 
     def add(self, what: str, why: str) -> None:
-        self.found.setdefault(why, []).append(what)
+        every = self.found.setdefault(why, [])
+        if what not in every:
+            every.append(what)
 
     def __str__(self) -> str:
         return "; ".join(f"{', '.join(every)} ({why})" for why, every in self.found.items())
@@ -189,6 +191,8 @@ def _received(registers: Registers, free: list[_Record], useless: str, wanted: P
         if not entry.code and entry.name not in _OPTIONAL:
             problems.add(f"no RPDO carries {_name(entry)}", _why_not(registers, asked))
     needed = [entry for entry in carried if entry.name not in _OPTIONAL]
+    if not needed:
+        return wanted
     of_type = _AT_ONCE if wanted.transmission in _AT_ONCE else (wanted.transmission,)
     for chosen in (carried, needed):
         for record in free:
@@ -196,7 +200,8 @@ def _received(registers: Registers, free: list[_Record], useless: str, wanted: P
             if kind is not None and record.carries_all(chosen):
                 free.remove(record)
                 return record.filled(chosen, kind)
-    others = f"none of type {wanted.transmission} has {len(needed)} places, or these alone" if free else ""
+    room = "a place for it, or carries it alone" if len(needed) == 1 else "places for these, or carries these alone"
+    others = f"no other of transmission type {wanted.transmission} has {room}" if free else ""
     why = "; ".join(filter(None, (others, useless)))
     problems.add(f"no RPDO carries {' with '.join(map(_name, needed))}", why)
     return wanted
@@ -257,7 +262,7 @@ def _records(registers: Registers, config: WinchConfig, like: PdoMap) -> tuple[l
         else:
             found.append(_Record(pdo, places, kinds, fixed, []))
     if not found and not useless.found:
-        return [], f"it has no {'TPDO' if like.transmit else 'RPDO'}"
+        return [], f"it has none of {'TPDO' if like.transmit else 'RPDO'} 1 to {_PDOS}"
     return sorted(found, key=lambda r: r.fixed is None), "; ".join(
         f"{', '.join(objects)}: {why}" for why, objects in useless.found.items()
     )

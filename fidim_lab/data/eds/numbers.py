@@ -5,6 +5,7 @@ import re
 NODE = re.compile(r"\$?\{?NODE_?ID\}?", re.IGNORECASE)
 _DECIMAL = re.compile(r"[+-]?0{0,20}[0-9]{1,20}")
 _HEXADECIMAL = re.compile(r"([+-]?)(?:0x(0{0,20}[0-9a-f]{1,16})|(?=[0-9])(0{0,20}[0-9a-f]{1,16})h)", re.IGNORECASE)
+_BINARY = re.compile(r"0b([01_]{1,72})", re.IGNORECASE)
 _BARE = re.compile(r"[0-9a-f]{2,16}", re.IGNORECASE)
 """hexadecimal without a sign of it: only where a letter shows it"""
 _FIRST = re.compile(r"([+-]?(?:0x[0-9a-f]+|[0-9][0-9a-f]*h?))(?=[\s;,(])", re.IGNORECASE)
@@ -32,6 +33,8 @@ def _whole(text: str) -> int | None:
         return int(text)
     if (found := _HEXADECIMAL.fullmatch(text)) is not None:
         return int(f"{found[1]}{found[2] or found[3]}", 16)
+    if (found := _BINARY.fullmatch(text)) is not None and (digits := found[1].replace("_", "")):
+        return int(digits, 2)
     return int(text, 16) if _BARE.fullmatch(text) else None
 
 

@@ -27,11 +27,14 @@ from fidim_lab.errors import FileError
 
 MOST_ENTRIES = 60_000
 """entries of one dictionary, sub-indices counted: 8 s of reading; the largest file of a maker that we know has 3000"""
-_OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})h?", re.IGNORECASE)
-_SUB = re.compile(r"(?:0x)?([0-9a-f]{1,4})h?[ _.]*sub[ _.]*(?:0x)?([0-9a-f]{1,4})", re.IGNORECASE)
+_BEHIND = r"[\s,;:-]+.*"
+"""a name behind the number, as some tools write it"""
+_OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})h?|(?:0x)?(?=[a-f]*[0-9])([0-9a-f]{4})h?" + _BEHIND, re.IGNORECASE)
+_SUB = re.compile(r"(?:0x)?([0-9a-f]{1,4})h?[ _.]*sub[ _.]*(?:0x)?([0-9a-f]{1,4})h?(?:" + _BEHIND + ")?", re.IGNORECASE)
 _LIST = re.compile(r"([0-9a-f]{4})(name|value)", re.IGNORECASE)
 _LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 _FIRST, _LAST_SUB = 0x1000, 0xFF
+_LAST_NODE = 127
 _VARIABLE, _DOMAIN_OBJECT, _RECORD = 7, 2, 9
 _ACCESS = {"readonly": "ro", "writeonly": "wo", "readwrite": "rw", "constant": "const", "r": "ro", "w": "wo"}
 
@@ -88,8 +91,8 @@ class _Cleaner:
                 else:
                     entry = objects.setdefault(index, _Object())
                     entry.subs[at] = self._first(entry.subs.get(at), section)
-            elif (whole := _OBJECT.fullmatch(section.name)) is not None and int(whole[1], 16) >= _FIRST:
-                entry = objects.setdefault(int(whole[1], 16), _Object())
+            elif (whole := _OBJECT.fullmatch(section.name)) is not None and _index(whole) >= _FIRST:
+                entry = objects.setdefault(_index(whole), _Object())
                 entry.parent = self._first(entry.parent, section)
             elif (listed := _LIST.fullmatch(section.name)) is not None:
                 objects.setdefault(int(listed[1], 16), _Object()).lists[listed[2].lower()] = section
@@ -170,6 +173,7 @@ class _Cleaner:
             self._say(section, "parametername", "ParameterName is missing")
         kind = self._type(index, sub, section)
         low, high = self._limits(section, kind)
+        default, own = (self._value(section, key, kind) for key in ("defaultvalue", "parametervalue"))
         self._emit(
             name,
             ParameterName=given or f"object {name}",
@@ -179,8 +183,8 @@ class _Cleaner:
             PDOMapping=str(int(self._mappable(section))),
             LowLimit=low,
             HighLimit=high,
-            DefaultValue=self._value(section, "defaultvalue", kind),
-            ParameterValue=self._value(section, "parametervalue", kind),
+            DefaultValue=default,
+            ParameterValue="" if _of_another_node(default, own) else own,
         )
 
     @staticmethod
@@ -232,7 +236,7 @@ class _Cleaner:
         access = _ACCESS.get(access, access)
         if access in ("ro", "wo", "rw", "rwr", "rww", "const"):
             return access
-        access = known_access(index) or "ro"
+        access = "rw" if access.startswith(("rw", "readwrite")) else known_access(index) or "ro"
         problem = f"AccessType {text[:20]!r} is unknown" if text else "AccessType is missing"
         self._say(section, "accesstype", f"{problem}: taken as {access}")
         return access
@@ -303,3 +307,13 @@ class _Cleaner:
         elif kind in UNSIGNED and value < 0:
             value += 1 << bits
         return str(value)
+
+
+def _of_another_node(default: str, own: str) -> bool:
+    """Whether a value is what a sum with `$NODEID` came to for the node that its DCF was saved for."""
+    added = default.removeprefix("$NODEID+")
+    return added != default and own.isdigit() and 1 <= int(own) - int(added) <= _LAST_NODE
+
+
+def _index(section: re.Match[str]) -> int:
+    return int(section[1] or section[2], 16)

@@ -9,7 +9,8 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.eds import import_eds
 
 from fidim_lab.data.eds.objects import clean_objects
-from fidim_lab.data.eds.text import Repair, eds_bytes, parse_sections
+from fidim_lab.data.eds.text import Repair, decoded, eds_bytes, parse_sections
+from fidim_lab.data.eds.xdd import is_xml, xml_sections
 from fidim_lab.errors import FileError
 
 
@@ -37,7 +38,12 @@ def read_dictionary(path: Path, node_id: int) -> EdsFile:
 @lru_cache(maxsize=16)
 def _read(path: Path, data: bytes, node_id: int) -> EdsFile:
     """Kept for who asks again: a rig asks twice for each winch, and the largest files take seconds."""
-    sections, repairs = parse_sections(path, data)
+    content, repairs = decoded(data)
+    if is_xml(content):
+        sections = xml_sections(path, content)
+    else:
+        sections, found = parse_sections(content)
+        repairs += found
     text, more = clean_objects(path, sections)
     info = next((s for s in sections if s.name.lower() == "deviceinfo"), None)
     try:

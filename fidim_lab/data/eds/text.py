@@ -64,17 +64,10 @@ def eds_bytes(path: Path) -> bytes:
     return read_bytes(path, LIMIT)
 
 
-def parse_sections(path: Path, data: bytes) -> tuple[list[EdsSection], list[Repair]]:
-    """All sections in their order, doubled ones as they stand. Raises FileError for XML."""
-    text, repairs = _decode(data)
-    if text.lstrip().startswith("<"):
-        raise FileError(
-            path,
-            "line 1",
-            "is XML or a web page, no EDS file",
-            hint="Of an XDD file, have the maker's tool save an EDS; of a web page, download the raw file.",
-        )
+def parse_sections(text: str) -> tuple[list[EdsSection], list[Repair]]:
+    """All sections in their order, doubled ones as they stand."""
     sections: list[EdsSection] = []
+    repairs: list[Repair] = []
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.strip()
         if not line or line[0] in ";#":
@@ -105,7 +98,7 @@ def no_objects(path: Path, sections: Sequence[EdsSection]) -> FileError:
     return FileError(path, "line 1", "holds no objects, nor any section", hint=hint)
 
 
-def _decode(data: bytes) -> tuple[str, list[Repair]]:
+def decoded(data: bytes) -> tuple[str, list[Repair]]:
     """The encodings of makers' editors; nothing that counts is beyond ASCII."""
     repairs: list[Repair] = []
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

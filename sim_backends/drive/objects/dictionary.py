@@ -83,9 +83,9 @@ class Dictionary:
         return AbortCode.NO_SUBINDEX if index in self._indices else AbortCode.NO_OBJECT
 
     def number(self, index: int, subindex: int = 0, default: int = 0) -> int:
-        """The stored integer; `default` where this device has no such entry."""
+        """The stored number, whole; `default` where this device has no such entry."""
         value = self._values.get(index << 8 | subindex)
-        return value if isinstance(value, int) else default
+        return default if value is None or isinstance(value, bytes) else round(value)
 
     def put(self, index: int, subindex: int, value: int) -> None:
         """Store without guard, range or watcher, where the entry exists."""

@@ -130,7 +130,7 @@ def test_pdos_are_packed_as_the_drive_carries_them(case):
 PROBLEMS = {
     "no TPDO": (
         dictionary(()),
-        "no TPDO carries 6041:0, no TPDO carries 6064:0 (it has no TPDO); no RPDO carries 6040:0 with 607A:0 (it has",
+        "no TPDO carries 6041:0, no TPDO carries 6064:0 (it has none of TPDO 1 to 4); no RPDO carries 6040:0 with 607A",
     ),
     "a position of 16 bits": (dictionary(o6064=I16), "no TPDO carries 6064:0 (its DataType is not the whole number"),
     "no target": (dictionary(o607A=0), "no RPDO carries 607A:0 (there is no such object)"),
@@ -142,6 +142,49 @@ PROBLEMS = {
 def test_what_cannot_be_carried_is_named(case):
     od, says = PROBLEMS[case]
     assert abilities(od, config()).layout.problem.startswith(says)
+
+
+def test_what_cannot_be_carried_is_named_once_and_never_without_a_name():
+    od = dictionary(o607A=I16)
+    problem = abilities(od, config(mode=Mode.CYCLIC_POSITION)).layout.problem
+    assert problem.count("607A") == 1
+    assert "carries  (" not in problem
+
+
+MODES = {
+    "no ramps, but cyclic": ({"6060:0", "6061:0", "60C2:1", "60C2:2"}, None, "", 'set mode = "cyclic-position"'),
+    "6502 without profile position": (
+        {"6060:0", "6061:0", "6081:0", "6083:0", "60C2:1", "60C2:2"},
+        0x80,
+        "6502:0 is 0x80: no profile position (1)",
+        'it has cyclic position (8): set mode = "cyclic-position"',
+    ),
+    "neither": ({"6060:0", "6061:0"}, None, "no 6081:0 and no 6083:0", ""),
+    "60C2, but not by 6502": ({"6060:0", "6061:0", "60C2:1", "60C2:2"}, 0x01, "no 6081:0 and no 6083:0", ""),
+    "a mode that cannot be chosen": ({"6061:0", "60C2:1", "60C2:2"}, None, "no 6060:0", ""),
+}
+
+
+@pytest.mark.parametrize("case", MODES)
+def test_a_drive_without_the_mode_of_the_rig_file_is_refused_with_the_mode_that_it_has(case):
+    objects, modes, says, cure = MODES[case]
+    od = dictionary(o6060=0, o6061=0)
+    for name in objects:
+        index, sub = (int(part, 16) for part in name.split(":"))
+        add(od, index, sub, I8, in_record=sub > 0)
+    told = {} if modes is None else {"6502:0": modes}
+    table = grade(abilities(od, config()), config(), told, 0)
+    line = next(line for line in table if line.requirement.key == "position command")
+    assert line.met is Met.ABSENT
+    assert says in line.found
+    assert line.found.endswith(cure)
+    assert cure or "set mode" not in line.found
+
+
+def test_a_drive_without_load_objects_is_told_where_to_name_its_own():
+    table = grade(abilities(dictionary(o6078=0), config()), config(), {}, 0)
+    load = next(line for line in table if line.requirement.key == "load reported")
+    assert load.found.endswith("name the object that holds its current in a family file (load)")
 
 
 @given(st.lists(st.integers(0, 8), max_size=4), st.sampled_from([0, I16, I32]), st.sampled_from([0, I8]))

@@ -41,6 +41,7 @@ def read(tmp_path: Path) -> Callable[[str | bytes], EdsFile]:
 
 REPAIRED = {
     "empty PDOMapping": (variable("6040", PDOMapping=""), "[6040], line 6: PDOMapping '': taken as 0"),
+    "binary": (variable("2000", DefaultValue="0b1100_0001"), "[2000], line 7: '0b1100_0001' is read as 193"),
     "leading zero": (variable("2000", DefaultValue="0012"), "[2000], line 7: '0012' is read as 12"),
     "doubled key": ("[2000]\nDataType=7\nDataType=6\n", "[2000], line 3: 'DataType' stands twice: the one in line 2"),
     "doubled section": (variable("2000") * 2, "[2000], line 8: stands twice: the one in line 1 counts"),
@@ -97,7 +98,7 @@ REFUSED = {
         "[File], line 1: is an EDS of EtherNet/IP or DeviceNet and holds no objects",
     ),
     "no object": ("[FileInfo]\nFileName=x.eds\n[0005]\nDataType=5\n", "[FileInfo], line 1: holds no objects"),
-    "XML": ('<?xml version="1.0"?>\n<ISO15745ProfileContainer/>', "line 1: is XML or a web page, no EDS file"),
+    "XML": ('<?xml version="1.0"?>\n<Something/>', "line 1: is XML or a web page, no EDS file"),
     "contradiction": (
         variable("6040", DataType="6") + variable("6040", DataType="7"),
         "[6040], line 8: DataType 7, but 6 for the same object in line 1",
@@ -246,3 +247,20 @@ def test_any_bytes_are_a_dictionary_or_a_file_error(tmp_path_factory, data):
     path.write_bytes(data)
     with contextlib.suppress(FileError):
         assert read_dictionary(path, NODE).dictionary.indices
+
+
+def test_a_name_behind_the_number_of_a_section_and_access_in_other_words(read):
+    text = variable("6040 Controlword", DataType="6") + variable("0x2000sub1 - gain", AccessType="r/w/p")
+    found = read(text + "[Dead zone]\nDataType=7\n").dictionary
+    assert set(found.indices) == {0x2000, 0x6040}
+    assert found[0x2000][1].access_type == "rw"
+
+
+@pytest.mark.parametrize(
+    ("default", "own", "value"),
+    [("$NODEID+0x180", "0x187", None), ("$NODEID+0x180", "0x300", 0x300), ("0x180", "0x187", 0x187)],
+)
+def test_a_value_that_a_dcf_was_saved_with_for_another_node_is_this_nodes(read, default, own, value):
+    """The tool of a maker writes the sum for the node of its own: it is no other identifier."""
+    variable_ = read(variable("1800", DefaultValue=default, ParameterValue=own)).dictionary[0x1800]
+    assert variable_.value == value
