@@ -166,7 +166,7 @@ class Stopping:
         if self._seen and self._place is not None and self._start is not None:
             moved = self._place - self._start
         seconds = max(self._since - self._began, 0.0)
-        says = "" if self.stands else f"{self.winch.name} {self._moves}"
+        says = "" if self.stands else f"{self.winch.name} {self._moves.removeprefix('it ')}"
         if self.forced:
             how = "was not seen to stop" if self._unseen else "did not obey the stop"
             went = "" if moved is None else f", {abs(moved) * 1e3:.1f} mm from where it was then"

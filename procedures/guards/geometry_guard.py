@@ -203,7 +203,11 @@ class GeometryGuard:
                 found.append((abs(by), cable, "longer" if by > 0 else "shorter"))
         found.sort()
         each = [f"cable {k} is {1e3 * by:.0f} mm {way}" for by, k, way in found if by <= LIKELY * found[0][0]]
-        return f"{', or '.join(each or ['some cables are longer or shorter'])} than its encoder says"
+        return (
+            f"{', or '.join(each)} than its encoder says"
+            if each
+            else ("some cables are longer or shorter than their encoders say")
+        )
 
 
 class _Track:

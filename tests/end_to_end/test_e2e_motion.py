@@ -222,11 +222,10 @@ AFTER = {
 }
 
 
-@pytest.mark.parametrize("case", AFTER)
-def test_a_winch_that_moves_after_the_run_is_stopped_again(rehearsal, monkeypatch, case):
-    told, after = [], []
-    monkeypatch.setattr(rehearsing, "AFTERWARDS", 4.0)
-    strikes, moved, ends = AFTER[case]
+def after_the_run(rehearsal, monkeypatch, strikes, seconds=4.0):
+    """Carry a run out, strike 0.2 s after its end; what was told of motion, and of what is lost."""
+    told, after, lost, tasks = [], [], [], []
+    monkeypatch.setattr(rehearsing, "AFTERWARDS", seconds)
 
     def strike(stage):
         async def watch():
@@ -234,18 +233,75 @@ def test_a_winch_that_moves_after_the_run_is_stopped_again(rehearsal, monkeypatc
             while not told:
                 await rig.clock.sleep(0.05)
             asyncio.get_running_loop().call_later(0.2, strikes, stage)
-            settings = rehearsal.settings
-            await watch_held(rig.clock, rig.winches, told[0].stopped, settings, lambda *moved: after.append(moved))
+            tell = lambda *moved: after.append(moved)  # noqa: E731
+            await watch_held(rig.clock, rig.winches, told[0].stopped, rehearsal.settings, tell, lost.append)
 
-        after.append(asyncio.ensure_future(watch()))
+        tasks.append(asyncio.ensure_future(watch()))
 
     rehearsal.at("MoveTo", strike)
     rehearsal.listeners = (lambda event: told.append(event.report) if isinstance(event, RunFinished) else None,)
     rehearsal.run()
-    says, held = after[1]
+    return after, lost
+
+
+@pytest.mark.parametrize("case", AFTER)
+def test_a_winch_that_moves_after_the_run_is_stopped_again(rehearsal, monkeypatch, case):
+    strikes, moved, ends = AFTER[case]
+    after, lost = after_the_run(rehearsal, monkeypatch, strikes)
+    says, held = after[0]
     assert says.startswith(f"After the stop, {moved}")
     assert held.says.startswith(ends)
     assert held.ok == (case == "seen")
+    assert lost == []
+
+
+def torque_off(stage, *cables):
+    for cable in cables:
+        stage.drive(cable).faults.safe_torque_off(True)
+
+
+def one_in_fault(stage):
+    stage.drive(3).faults.raise_fault(0x3210)
+
+
+def silent(stage, cable):
+    stage.drive(cable).faults.silent = True
+
+
+LOST = {
+    "all by the safety chain": (
+        lambda stage: torque_off(stage, 1, 2, 3, 4),
+        "winch 1, winch 2, winch 3, winch 4 have lost motor power (switch on disabled)",
+        "only brakes can hold now.",
+    ),
+    "one in fault": (
+        one_in_fault,
+        "winch 3 has lost motor power (emergency 0x3210",
+        "only its brake can hold now.",
+    ),
+    "one is not seen": (
+        lambda stage: silent(stage, 2),
+        "winch 2 has not answered for 0.",
+        "whether the robot is held is not known any more.",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LOST)
+def test_power_or_sight_that_is_lost_after_the_run_is_told_once_and_nothing_is_stopped(rehearsal, monkeypatch, case):
+    strikes, says, ends = LOST[case]
+    after, lost = after_the_run(rehearsal, monkeypatch, strikes)
+    assert after == []
+    (told,) = lost
+    assert told.startswith(f"After the stop, {says}"), told
+    assert told.endswith(ends)
+
+
+def test_a_sample_that_is_late_once_after_the_run_is_no_news(rehearsal, monkeypatch):
+    def late(stage):
+        stage.bus.rules.append(FrameRule(frozenset({0x182, 0x282}), count=25, drop=True))
+
+    assert after_the_run(rehearsal, monkeypatch, late) == ([], [])
 
 
 STOPPED = 0.03

@@ -234,7 +234,7 @@ def test_another_master_that_guards_our_drive_is_heard(eds):
         async with Bench(eds) as bench:
             await bench.winch.configure()
             bench.bus.inject(0x700 + NODE, b"", remote=True)
-            assert "1 remote frames (node guarding) to node 3" in bench.master.strangers
+            assert "1 remote frame (node guarding) to node 3" in bench.master.strangers
         clock = LoopClock()
         bus = InProcessBus(clock.now)
         asking = asyncio.get_running_loop().call_later(0.1, lambda: bus.inject(0x703, b"", remote=True))

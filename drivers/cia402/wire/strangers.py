@@ -5,6 +5,7 @@ heartbeat of the host that arrives here is somebody else's: two masters undo eac
 node id both take every command; they show by two answers to a question, and by two TPDOs in each cycle that differ.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 
@@ -49,7 +50,12 @@ class Strangers:
     @property
     def says(self) -> str:
         """The frames heard, in words; empty without any."""
-        return ", ".join(f"{count} {what}" for what, count in dict(self.heard).items())
+        return ", ".join(f"{count} {what if count > 1 else _one(what)}" for what, count in dict(self.heard).items())
+
+
+def _one(what: str) -> str:
+    """The noun of a single frame."""
+    return re.sub(r"^(NMT command|LSS command|heartbeat|command|SDO request|remote frame)s", r"\1", what)
 
 
 class TwinWatch:

@@ -32,7 +32,7 @@ from fidim_lab.errors import FidimError, HardwareError
 from procedures.control import Control
 from procedures.events import Event, Prompted, RunFinished
 from procedures.guards.robot_guards import standard_guards
-from procedures.held_watch import watch_held, write_moved
+from procedures.held_watch import watch_held, write_lost, write_moved
 from procedures.recording.journal import NAME as JOURNAL
 from procedures.report import RunReport, WindowRow
 from procedures.run import Experiment
@@ -92,6 +92,8 @@ class Service:
         self._helpers: list[asyncio.Future[None]] = []
         self._after = ""
         """what moved after the run, in words"""
+        self._lost: list[str] = []
+        """what of the run's last sentence does not hold any more, in words"""
         levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.event_log.note, wall_time)
         self._command_handler = CommandHandler(self.control, self.board, Latch(self.clock.now, self._keeper()), levers)
         guards = standard_guards(names, factors, robot.limits.tension, settings.guard)
@@ -134,7 +136,8 @@ class Service:
         report = self.watcher.report
         if report is None:
             return "nothing was run"
-        return f"run {report.outcome}: {report.reason} {report.held_says} {self._after}".rstrip()
+        said = (f"run {report.outcome}: {report.reason}", report.held_says, *self._lost, self._after)
+        return " ".join(filter(None, said))
 
     # what the command handler can reach
 
@@ -177,8 +180,15 @@ class Service:
             self.board.window = event.window
         if isinstance(event, RunFinished):
             stopped, settings = event.report.stopped, self.experiment.settings
-            watching = watch_held(self.clock, self.rig.winches, stopped, settings, self._moved)
+            watching = watch_held(self.clock, self.rig.winches, stopped, settings, self._moved, self._loses)
             self._helpers.append(asyncio.ensure_future(watching))
+
+    def _loses(self, says: str) -> None:
+        """A winch has lost its power, or is not seen, after the run: no fault of it, but it is not held as was said."""
+        self._lost.append(says)
+        self.event_log.warn(says)
+        with suppress(FidimError):  # a full disk: everybody has been told
+            write_lost(self.identity.folder / JOURNAL, self.clock, wall_time, says)
 
     def _moved(self, says: str, held: Held) -> None:
         """A winch has moved after the run; it was stopped once more."""

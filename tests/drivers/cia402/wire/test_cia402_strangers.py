@@ -11,13 +11,13 @@ from drivers.cia402.wire.strangers import TwinWatch
 from fidim_lab.errors import DeviceError
 
 MASTERS = [
-    (0x000, "NMT commands"),
+    (0x000, "NMT command"),
     (0x080, "SYNC"),
-    (0x203, "commands (RPDO) to node 3"),
-    (0x503, "commands (RPDO) to node 3"),
-    (0x603, "SDO requests to node 3"),
-    (0x77F, "heartbeats of node 127, the host's"),
-    (0x7E5, "LSS commands"),
+    (0x203, "command (RPDO) to node 3"),
+    (0x503, "command (RPDO) to node 3"),
+    (0x603, "SDO request to node 3"),
+    (0x77F, "heartbeat of node 127, the host's"),
+    (0x7E5, "LSS command"),
 ]
 
 
@@ -26,6 +26,8 @@ def test_frames_that_only_a_master_sends(frame_id: int, name: str) -> None:
     strangers = Strangers(127, (3,))
     strangers.hear(CanFrame(frame_id, b"", 0.0))
     assert strangers.says == f"1 {name}"
+    strangers.hear(CanFrame(frame_id, b"", 0.0))
+    assert strangers.says == f"2 {strangers.heard.most_common()[0][0]}"
 
 
 @pytest.mark.parametrize("frame_id", [0x083, 0x183, 0x283, 0x383, 0x483, 0x583, 0x703, 0x100, 0x205, 0x605, 0x7E4])
@@ -43,7 +45,7 @@ def test_a_stranger_is_counted_while_the_master_runs_and_our_own_frames_are_not(
         assert bench.master.strangers == ""
         bench.bus.deliver(0x203, bytes(7))
         bench.bus.deliver(0x603, bytes(8))
-        says = "another master is on this bus: 1 commands (RPDO) to node 3, 1 SDO requests to node 3"
+        says = "another master is on this bus: 1 command (RPDO) to node 3, 1 SDO request to node 3"
         assert bench.master.strangers == says
 
     on_bench(script)
