@@ -17,6 +17,7 @@ from fidim_lab.data.files.input_file import MIB, read_bytes
 from fidim_lab.data.importers.reading.cells import MIN_FRAMES, length_scale
 from fidim_lab.data.importers.reading.clock import check_rate
 from fidim_lab.data.importers.reading.labels import apart
+from fidim_lab.data.importers.reading.signatures import refuse_empty
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FileError, SetupError
 
@@ -31,6 +32,7 @@ def read_c3d(path: Path) -> MarkerLog:
     """Read one file. Raises FileError, and SetupError without the package."""
     library = _library()
     data = read_bytes(path, LIMIT)
+    refuse_empty(path, data)
     try:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
@@ -38,7 +40,7 @@ def read_c3d(path: Path) -> MarkerLog:
             _check_size(path, reader, len(data))
             frames = [points for _, points, _ in reader.read_frames(analog_transform=False, check_nan=False)]
             count = reader.last_frame - reader.first_frame + 1
-            names = [str(name).strip() for name in reader.point_labels]
+            names = _labels(reader)
             rate, unit, screen = float(reader.point_rate), _text(reader, "POINT:UNITS"), reader.get_screen_axis()
     except FileError:
         raise
@@ -67,6 +69,17 @@ def _check_size(path: Path, reader: Any, size: int) -> None:
         raise FileError(path, "", f"{frames} frames; a recording has at least {MIN_FRAMES}")
     if 2 * WORDS * points * frames > size:
         raise FileError(path, "", f"{points} points in {frames} frames are more than the file holds: it was cut off")
+
+
+def _labels(reader: Any) -> list[str]:
+    """Names of points: a parameter holds 255 of them, those beyond stand in LABELS2, LABELS3 and so on."""
+    names: list[str] = []
+    for number in range(1, MOST_POINTS):
+        found = reader.get(f"POINT:LABELS{number if number > 1 else ''}")
+        if found is None:
+            break
+        names += [str(name).strip() for name in found.string_array]
+    return names
 
 
 def _text(reader: Any, name: str) -> str:

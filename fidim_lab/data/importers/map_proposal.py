@@ -106,7 +106,7 @@ def _lines(path: Path, row: Mapping[Column, str], words: frozenset[int]) -> list
         'format = "fidim-columns/1"',
         f"time = {_toml(time)}",
         *(f"{key} = {_toml(column)}" for key, column in {**({} if date is None else {"date": date}), **parts}.items()),
-        *([] if parts else ['#time_unit = "s"              # s, ms, us, ns; found by the steps where left out']),
+        *([] if parts else ['#time_unit = "s"              # s, ms, us, ns, d; found by the steps where left out']),
         '#unit = "mm"                  # found by the robot file where left out',
         '#up = "z"                     # default: found',
     ]

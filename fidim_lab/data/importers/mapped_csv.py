@@ -1,8 +1,8 @@
 """Any table of marker places or poses, by a column map "fidim-columns/1":
 
     format = "fidim-columns/1"
-    time = "stamp"                 time_unit = "ms"          s, ms, us or ns, from any zero; found where left out,
-                                                             as are dates and times of day (ISO 8601)
+    time = "stamp"                 time_unit = "ms"          s, ms, us, ns or d, from any zero; found where left
+                                                             out, as are dates and times of day (ISO 8601)
     delimiter = ";"                decimal = ","             found where left out
     unit = "mm"                    up = "z"                  found by the robot file where left out
     [[marker]]
@@ -28,7 +28,7 @@ from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.importers.reading.cells import EPOCH, length_scale
-from fidim_lab.data.importers.reading.clock import SECONDS, check_time_unit, even_times, time_unit_of
+from fidim_lab.data.importers.reading.clock import SECONDS, by_time, check_time_unit, even_times, time_unit_of
 from fidim_lab.data.importers.reading.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.reading.poses import ANGLES, VECTOR, by_angles, by_matrices, by_quaternions_in
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
@@ -85,7 +85,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
         _check_rotation(map_file, f"body {number}", body)
         wanted += [*body.position, *body.rotation]
     read = read_columns(path, said, wanted, f"{map_file.name} names it.")
-    values = read.values
+    values, tidied = by_time(read.values)
     unit = "s" if read.dated else said.time_unit or time_unit_of(path, values[:, 0])
     if said.time_unit and not read.dated:
         check_time_unit(map_file, said.time_unit, values[:, 0])
@@ -106,7 +106,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
     decided = [f"{rate:.4g} Hz by the stamps, which are in {unit}"]
     decided += [f"lengths in {said.unit} by {map_file.name}"] if said.unit else []
     decided += [f"{said.up} upwards by {map_file.name}"] if said.up else []
-    decided += (*clock.says, *read.decided)
+    decided += (*clock.says, *read.decided, *tidied)
     return MarkerLog(
         path,
         tuple(marker.name for marker in said.marker),
@@ -118,7 +118,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
         tuple(decided),
         bodies,
         unit_said=said.unit is not None,
-        began=float(seconds[0]) if seconds[0] > EPOCH else None,
+        began=float(seconds[0]) if seconds[0] > EPOCH and unit != "d" else None,
         rate_doubt=doubt if counts else "",
         breaks=clock.breaks,
     )

@@ -1,7 +1,8 @@
 """Qualisys Track Manager's TSV: header lines of a name and its value, then rows of markers (3D) or bodies (6D).
 
     NO_OF_FRAMES  500     FREQUENCY  100     DATA_INCLUDED  3D     MARKER_NAMES  A  B  C
-    [Frame  Time]  A X  A Y  A Z …          the line of column names, and Frame or Time or both, may be left out
+    [Frame  Time]  A X  A Y  A Z …          the line of column names, and Frame or Time or both, may be left out;
+                                            A Residual may follow
 
     DATA_INCLUDED  6D     BODY_NAMES  platform
     [Frame  Time]  X  Y  Z  Roll  Pitch  Yaw  Residual  Rot[0] … Rot[8]      for each body; Rot column by column
@@ -26,6 +27,8 @@ NAMES = {"3D": "MARKER_NAMES", "6D": "BODY_NAMES"}
 WIDTH = {"3D": 3, "6D": 16}
 """columns of one marker, one body"""
 ROTATION = slice(7, 16)
+MOST_LEAD = 3
+"""columns before the data: frame, time, time code"""
 
 
 def read_qtm(path: Path) -> MarkerLog:
@@ -44,6 +47,8 @@ def read_qtm(path: Path) -> MarkerLog:
     if not names or (what == "6D" and len(set(names)) < len(names)):
         raise FileError(path, NAMES[what], "no name, or one body's name twice")
     decimal = decimal_of(text[first : first + 50], "\t")
+    if what == "3D":
+        lines = _without_residuals(lines, first, len(names), decimal)
     width = WIDTH[what] * len(names)
     lead = _lead(path, _without_last_tab(lines[first:], width, WIDTH[what]), first, width, decimal)
     count, time = (next((k for k, kind in enumerate(lead) if kind == one), None) for one in ("frame", "time"))
@@ -81,6 +86,27 @@ def _head(lines: Sequence[Sequence[str]]) -> tuple[dict[str, list[str]], int]:
         if name.isupper() and len(name) > 1:
             head[name] = [cell.strip() for cell in cells[1:]] or [""]
     return head, len(lines)
+
+
+def _without_residuals(
+    lines: Sequence[Sequence[str]], first: int, markers: int, decimal: str
+) -> Sequence[Sequence[str]]:
+    """Rows without the residual that may stand behind the place of each marker.
+
+    The line above the first row names it; without that line, rows of four numbers for each marker show it, since before
+    the first marker stand a frame, a time and a time code at the most.
+    """
+    names = [cell.strip() for cell in lines[first - 1]] if first else []
+    at = [k for k, name in enumerate(names) if name.lower().endswith("residual")]
+    named = bool(at) or any(name.upper().endswith((" X", "_X")) for name in names)
+    widths = {len([*row[:-1], *filter(None, (row[-1].strip(),))]) for row in lines[first : first + 10] if len(row) > 1}
+    before = max(widths, default=0) - (WIDTH["3D"] + 1) * markers
+    if not named and markers > MOST_LEAD and 0 <= before <= MOST_LEAD:
+        at = [before + WIDTH["3D"] + (WIDTH["3D"] + 1) * k for k in range(markers)]
+    if len(at) != markers:
+        return lines
+    dropped = frozenset(at)
+    return [row if k < first else [c for j, c in enumerate(row) if j not in dropped] for k, row in enumerate(lines)]
 
 
 def _of_numbers(cells: Sequence[str]) -> bool:

@@ -30,6 +30,7 @@ from fidim_lab.data.importers.reading.frames import (
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.messages import Sighting, sightings
 from fidim_lab.data.importers.reading.poses import by_quaternions
+from fidim_lab.data.importers.reading.signatures import refuse_empty
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FidimError, FileError
 
@@ -39,6 +40,8 @@ SQLITE, ZSTD = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 MOST_STEPS = 20_000
 """times 100 000 steps of SQLite's machine: a bag of 512 MiB takes under 1000; a view may be made to run for ever"""
 MOST_TRACKS = 200
+CORNERS = 3
+"""points show a pose, fewer do not"""
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,7 @@ def _messages(path: Path, decoder: MessageDecoder) -> Iterator[BagMessage]:
         return
     with open_input(path, LIMIT) as file:
         begin = file.read(len(SQLITE))
+    refuse_empty(path, begin)
     if begin == SQLITE:
         yield from _of_sqlite(path, decoder)
     elif begin.startswith(b"#ROSBAG"):
@@ -159,12 +163,27 @@ def _chosen(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> dict[s
     for topic, rows in seen.items():
         whole = _is_even(path, [stamp for stamp, _ in rows])
         for stamp, sighting in rows:
-            parts.setdefault(topic if whole else f"{topic}/{sighting.name}", []).append((stamp, sighting))
+            parts.setdefault(topic if whole or not sighting.name else f"{topic}/{sighting.name}", []).append(
+                (stamp, sighting)
+            )
     even = [name for name, rows in parts.items() if _is_even(path, [stamp for stamp, _ in rows])]
-    if len(even) == 1:
+    if len(even) == 1 and _is_take(parts[even[0]]):
         return {even[0]: parts[even[0]]}
+    stamps = [np.unique([stamp for stamp, _ in rows]) for rows in parts.values()]
+    if all(np.array_equal(stamps[0], others) for others in stamps) and len(stamps[0]) >= MIN_FRAMES:
+        even_times(path, stamps[0])  # they share their stamps: what is uneven in these is the cause
     found = ", ".join(f"{name} ({len(rows)})" for name, rows in list(parts.items())[:8])
+    if not any(_is_take(rows) for rows in parts.values()) and len(parts) >= CORNERS:
+        what = f"places on topics with their own stamps, so that no sample has all of them: {found[:200]}."
+        hint = "Record them in one message, or with the camera's own stamp in each header."
+        raise FileError(path, "", what, hint=hint)
     raise FileError(path, "", f"topics with their own stamps: {found[:200]}.", hint="Say which with --topic.")
+
+
+def _is_take(rows: Sequence[tuple[float, Sighting]]) -> bool:
+    """Whether these alone show a pose: a rotation, or places of enough points."""
+    names = {sighting.name for _, sighting in rows}
+    return len(names) >= CORNERS or any(sighting.quaternion is not None for _, sighting in rows)
 
 
 def _is_even(path: Path, stamps: Iterable[float]) -> bool:

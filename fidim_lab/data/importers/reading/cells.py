@@ -41,6 +41,8 @@ COLON = re.compile(r"(.*\d:\d\d:\d\d):(\d{3,6})")
 """a time of day whose fraction follows a colon"""
 CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)(?: ?([ap])\.?m\.?)?", re.IGNORECASE)
 """times of day as cells: hours, minutes, seconds, and which half of the day"""
+STOPWATCH = re.compile(r"(\d{1,3}):(\d\d\.\d+)")
+"""times as cells without hours: minutes and seconds, whose fraction says that they are no hours and minutes"""
 LENGTH_UNITS = MappingProxyType(
     {"mm": 1e-3, "millimeters": 1e-3, "millimetres": 1e-3, "cm": 1e-2, "centimeters": 1e-2, "centimetres": 1e-2}
     | {"m": 1.0, "meters": 1.0, "metres": 1.0, "in": 0.0254, "inches": 0.0254}
@@ -113,7 +115,9 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
     Raises FileError otherwise. A time without a zone is taken as UTC: only differences count.
     """
     text = _iso(cell)
-    plain = text.replace(",", ".") if decimal == "," or text.count(":") == 2 else text
+    plain = text.replace(",", ".") if decimal == "," or text.count(":") in {1, 2} else text
+    if short := STOPWATCH.fullmatch(plain):
+        return 60.0 * int(short[1]) + float(short[2])
     if clock := CLOCK.fullmatch(plain):
         hours, minutes, seconds, half = clock.groups()
         hour = int(hours) if half is None else int(hours) % 12 + (12 if half.lower() == "p" else 0)
@@ -136,7 +140,7 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
 def is_dated(cell: str) -> bool:
     """Whether a cell is a time of day, with a date or without: its unit is the second."""
     text = _iso(cell).replace(",", ".")
-    return bool(DATE.match(text) or CLOCK.fullmatch(text))
+    return bool(DATE.match(text) or CLOCK.fullmatch(text) or STOPWATCH.fullmatch(text))
 
 
 def _iso(cell: str) -> str:

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from fidim_lab.data.importers.reading.cells import number
 from fidim_lab.data.importers.reading.clock_steps import SetClock, without_steps
 from fidim_lab.errors import FileError
+from fidim_lab.say import counted
 
 HERTZ = re.compile(r"\s*hz\s*$", re.IGNORECASE)
 UNEVEN = 0.45
@@ -19,7 +20,10 @@ LINED = 16
 """stamps for a first line: by it the next as many are counted right up to a jitter of a fifth of a step"""
 JITTER = 0.05
 """of a step, rms, by which stamps may be away from even steps without a word"""
-SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
+DAY = 86400.0
+"""s"""
+SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": DAY})
+"""in one unit of time; in days dates stand as numbers, by Excel, LabVIEW and MATLAB"""
 RATES = (10.0, 2500.0)
 """Hz, of motion capture, by which a unit of time is told: narrower than a factor of 1000, so that one unit fits"""
 ROUNDED = 2e-3
@@ -27,9 +31,6 @@ ROUNDED = 2e-3
 SAME_RATE = 1e-4
 """of the rate: beyond it, and beyond rounding, header and column of times say different rates (59.94 and 60: 1e-3)"""
 
-
-DAY = 86400.0
-"""s"""
 ONE_TAKE = "Where a file has two takes, export each by itself; where it has rows twice, delete these."
 
 
@@ -57,6 +58,30 @@ def over_midnight(stamps: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
     if not len(stamps) or np.nanmax(stamps) >= DAY:
         return stamps
     return stamps + DAY * np.cumsum(np.diff(stamps, prepend=stamps[0]) < -0.5 * DAY)
+
+
+def by_time(rows: Float[np.ndarray, "N K"]) -> tuple[Float[np.ndarray, "N K"], tuple[str, ...]]:
+    """Rows that begin with their time in its order, each once, and what was done, a sentence each.
+
+    Rows that are written twice are equal to the last digit. Rows come in another order by a network, or backwards.
+    Where a clock began anew or a table stands there twice, times go back over half of all that they span, two rows have
+    one time, or steps are no longer those of the file: then nothing is done.
+    """
+    back, span = -np.diff(rows[:, 0]), np.ptp(rows[:, 0])
+    if (back > 0.5 * span).any() and not (back >= 0.0).all():
+        return rows, ()
+    order = np.argsort(rows[:, 0], kind="stable")
+    first = np.unique(np.where(np.isnan(rows), np.inf, rows), axis=0, return_index=True)[1]
+    kept = order[np.isin(order, first)]
+    twice = len(rows) - len(kept)
+    moved = int((np.diff(kept) < 0).sum())
+    steps = np.diff(rows[kept, 0])
+    usual = np.median(np.abs(np.diff(rows[np.sort(kept), 0]))) if len(kept) > 1 else 0.0
+    if not (twice or moved) or not (steps > 0.0).all() or abs(np.median(steps) - usual) > UNEVEN * usual:
+        return rows, ()
+    said = [f"{counted(twice, 'row')} that stood there twice are left out"] if twice else []
+    said += ["rows were not in the order of their times and are sorted by them"] if moved else []
+    return rows[kept], tuple(said)
 
 
 def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
@@ -118,7 +143,8 @@ def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float, SetClock]:
             raise FileError(path, "time", f"sample {int(np.argmax(~np.isfinite(t))) + 1} has no time")
         k = int(np.argmax(steps <= 0.0))
         if steps[k] == 0.0:
-            raise FileError(path, "time", f"sample {k + 2} has the same time as the one before")
+            what = f"sample {k + 2} has the same time as the one before, but other numbers."
+            raise FileError(path, "time", what, hint="Delete the wrong one, or write times with all their digits.")
         what = f"sample {k + 2} is {-steps[k]:.4g} s before the one above."
         raise FileError(path, "time", what, hint=f"{ONE_TAKE} Where its clock was set back, cut the file there.")
     t = t - t[0]

@@ -46,7 +46,7 @@ class TableMap(Table):
     milliseconds: Column | None = None
     microseconds: Column | None = None
     nanoseconds: Column | None = None
-    time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    time_unit: Literal["s", "ms", "us", "ns", "d"] | None = None
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     decimal: Literal[".", ","] | None = None
 

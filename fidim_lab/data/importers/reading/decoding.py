@@ -21,7 +21,7 @@ from fidim_lab.data.files.input_file import check_values
 from fidim_lab.data.importers.reading.ros_types import DRIVERS
 from fidim_lab.errors import SetupError
 
-GEOMETRY = re.compile(rb"\b(Pose|Point|Transform|position|translation|x_trans)\w*\b")
+GEOMETRY = re.compile(rb"\b(Pose|[Pp]oint|Transform|position|translation|x_trans)\w*\b")
 """stands in the definition of what may hold a point or a pose"""
 LONGEST_DEFINITION = 1 << 18
 """bytes"""

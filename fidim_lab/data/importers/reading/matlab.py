@@ -13,6 +13,7 @@ import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, open_input, read_bytes
 from fidim_lab.data.importers.reading.mat5 import DamagedError, read_names, read_variables
+from fidim_lab.data.importers.reading.signatures import refuse_empty
 from fidim_lab.errors import FileError
 
 LIMIT = 256 * MIB
@@ -124,7 +125,9 @@ def load_array(path: Path, variable: str, *shape: int | None) -> np.ndarray:
 
 def _carefully(path: Path, read: Callable[[bytes], T]) -> T:
     try:
-        return read(read_bytes(path, LIMIT))
+        data = read_bytes(path, LIMIT)
+        refuse_empty(path, data)
+        return read(data)
     except DamagedError as error:
         raise FileError(path, "", f"is damaged or no .mat file: {error}") from None
 

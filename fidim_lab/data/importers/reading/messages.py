@@ -2,6 +2,7 @@
 
     pose     {position: {x, y, z}, orientation: {x, y, z, w}} or {translation: …, rotation: …}
     point    {point: {x, y, z}}, {position: …} or {translation: …} without a rotation beside it; {name, x, y, z}
+    points   {points: [{x, y, z}, …]}: few places in a list, without a pose or with one that moves nothing
     cloud    {fields, point_step or point_stride, data}: points packed in bytes, of any datatype and order of bytes
     vicon    {x_trans, y_trans, z_trans, x_rot, y_rot, z_rot, w}, in Vicon's unit, which no message says
     list     numbers of a place or a rotation in a list, as JSON has them
@@ -116,6 +117,10 @@ def _walk(node: Any, above: Level) -> Iterator[Sighting]:
         if (at := _under(node, VICON[0])) and (quaternion := _under(node, VICON[1])):
             yield level.saw(at, quaternion, metric=False)
             return
+        if few := _few(node):
+            for name, place in few:
+                yield replace(level, name="/".join(filter(None, (level.owner, name)))).saw(place)
+            return
         for place, turn in PAIRS:
             if (at := _numbers(node.get(place), "xyz")) and (quaternion := _numbers(node.get(turn), "xyzw")):
                 yield level.saw(at, quaternion)
@@ -129,6 +134,22 @@ def _walk(node: Any, above: Level) -> Iterator[Sighting]:
                 yield level.saw(at)
             else:
                 yield from _walk(item, level)
+
+
+def _few(node: Mapping[str, Any]) -> list[tuple[str, tuple[float, ...]]]:
+    """Names and places of a list of points, where all of it are some; none where a pose beside it moves them."""
+    points, pose = node.get("points"), node.get("pose")
+    if not isinstance(points, list) or not 0 < len(points) <= MOST_OF_CLOUD:
+        return []
+    if isinstance(pose, Mapping):
+        at, turn = _numbers(pose.get("position"), "xyz"), _numbers(pose.get("orientation"), "xyzw")
+        if any(at or ()) or any((turn or ())[:3]):
+            return []
+    places = [_numbers(point, "xyz") if isinstance(point, Mapping) else None for point in points]
+    if not all(places):
+        return []
+    named = [(_named(points[index]) or str(index), place) for index, place in enumerate(places) if place]
+    return [(name, place) for name, place in named if np.isfinite(place).all()]
 
 
 def _cloud(node: Mapping[str, Any], level: Level) -> Iterator[Sighting]:

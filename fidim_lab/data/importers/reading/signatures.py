@@ -24,10 +24,15 @@ C3D = b"\x50"
 """second byte of a C3D file; the first tells where its parameters begin"""
 
 
-def refuse_no_text(path: Path, data: bytes) -> None:
-    """Raises FileError for an empty file, and for one whose first bytes say that it is no text, naming what it is."""
+def refuse_empty(path: Path, data: bytes) -> None:
+    """Raises FileError for a file, or its first bytes, of which nothing was written."""
     if not data.strip(b"\0 \t\r\n"):
         raise FileError(path, "", "is empty")
+
+
+def refuse_no_text(path: Path, data: bytes) -> None:
+    """Raises FileError for an empty file, and for one whose first bytes say that it is no text, naming what it is."""
+    refuse_empty(path, data)
     for begin, what, hint in SIGNATURES:
         if data.startswith(begin):
             raise FileError(path, "", f"is {what}; a text was expected.", hint=hint)

@@ -211,3 +211,57 @@ def test_a_type_without_places_is_named(tmp_path: Path):
     folder = bag(tmp_path, name, lambda made, k: made(name, json.dumps([k])), defined=True)
     with pytest.raises(FileError, match="/mocap: std_msgs/msg/String holds no point and no pose"):
         read_bag(folder)
+
+
+STILL = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+
+
+@pytest.mark.parametrize("beside", [{}, {"pose": STILL}, {"channels": []}], ids=["cloud", "marker", "old cloud"])
+def test_few_points_in_a_list_are_places(beside: dict[str, object]):
+    """sensor_msgs/PointCloud, geometry_msgs/Polygon, visualization_msgs/Marker, and messages of one's own."""
+    points = [{"x": float(k), "y": 2.0, "z": 3.0} for k in range(4)]
+    assert [(one.name, one.place[0]) for one in sightings({"points": points} | beside)] == [
+        (str(k), float(k)) for k in range(4)
+    ]
+    numbered = [point | {"id": 7 + k} for k, point in enumerate(points)]
+    assert [one.name for one in sightings({"points": numbered} | beside)] == ["7", "8", "9", "10"]
+    unseen = [points[0], points[1] | {"x": float("nan")}, points[2]]
+    assert [one.name for one in sightings({"points": unseen} | beside)] == ["0", "2"]
+
+
+def test_a_pose_beside_points_is_read_where_it_moves():
+    pose = STILL | {"position": {"x": 1.0, "y": 0.0, "z": 0.0}}
+    (one,) = sightings({"pose": pose, "points": [{"x": 0.0, "y": 2.0, "z": 3.0}]})
+    assert one.quaternion is not None
+
+
+def test_clouds_of_points_in_a_bag(tmp_path: Path):
+    def cloud(made: Made, k: int) -> Any:
+        points = [made("geometry_msgs/msg/Point32", *map(float, place)) for place in PLACES[k]]
+        return made("sensor_msgs/msg/PointCloud", made.header(k), points, [])
+
+    log = read_bag(bag(tmp_path, "sensor_msgs/msg/PointCloud", cloud, defined=True))
+    np.testing.assert_allclose(log.positions, PLACES, rtol=1e-6)
+
+
+def arrivals(folder: Path, late: np.ndarray, *, apart: bool) -> Path:
+    """Points without stamps, (N, 3) s late: on a topic each, or all in one message."""
+    made = Made()
+    name = "geometry_msgs/msg/Point" if apart else "geometry_msgs/msg/Polygon"
+    with rosbag2.Writer(folder / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+        topics = [writer.add_connection(f"/m{m}", name, typestore=made.store) for m in range(3 if apart else 1)]
+        for k in range(COUNT):
+            points = [made("geometry_msgs/msg/Point32", *map(float, place)) for place in PLACES[k]]
+            one = [{"point": place} for place in PLACES[k]] if apart else [made(name, points)]
+            for m, topic in enumerate(topics):
+                message = made.point(one[m]["point"]) if apart else one[0]
+                arrived = 1_700_000_000_000_000_000 + int(1e9 * (k / RATE + late[k, m]))
+                writer.write(topic, arrived, made.store.serialize_cdr(message, name))
+    return folder / "bag"
+
+
+def test_times_of_arrival_are_the_cause_that_is_told(tmp_path: Path):
+    """Not that one topic of one place is too little, nor that things of one message had stamps of their own."""
+    late = np.abs(np.random.default_rng(3).normal(0.0, 4e-3, (COUNT, 3)))
+    with pytest.raises(FileError, match="not in even steps"):
+        read_bag(arrivals(tmp_path, late, apart=False))

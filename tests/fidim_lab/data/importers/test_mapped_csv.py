@@ -143,3 +143,49 @@ def test_vicon_csv_is_read_as_its_text(tmp_path: Path):
     path = tmp_path / "take.csv"
     path.write_text("\n".join([*head, *(f"{k},0,1,2,3,4,5,6" for k in range(1, 31))]), encoding="utf-8")
     assert read_trajectories(path).positions[0] == pytest.approx(1e-3 * np.array([[1, 2, 3], [4, 5, 6]]))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_rows_in_any_order_and_twice_are_the_same_take(tmp_path: Path, data: st.DataObject):
+    """Networks deliver late and twice, and some programs write the newest row first."""
+    rows = list(range(60))
+    for at in data.draw(st.lists(st.integers(0, 54), max_size=6)):
+        rows.insert(at, rows.pop(at + data.draw(st.integers(0, 5))))
+    for at in data.draw(st.lists(st.integers(0, 59), max_size=6)):
+        rows.insert(at, rows[at])
+    rows = rows[::-1] if data.draw(st.booleans()) else rows
+    table, columns = files(tmp_path, 10.0 * np.arange(60))
+    even = read_mapped(table, columns)
+    head, *lines = table.read_text(encoding="utf-8").split("\n")
+    table.write_text("\n".join([head, *(lines[k] for k in rows)]) + "\n", encoding="utf-8")
+    log = read_mapped(table, columns)
+    np.testing.assert_array_equal(log.t, even.t)
+    np.testing.assert_array_equal(log.positions, even.positions)
+    assert any("twice" in said for said in log.decided) is (len(rows) > 60)
+
+
+def test_a_clock_that_begins_anew_is_no_disorder(tmp_path: Path):
+    stamps = 10.0 * np.concatenate([np.arange(40), np.arange(30) + 0.5])
+    with pytest.raises(FileError, match=r"sample 41 is 0\.385 s before the one above.*two takes"):
+        read_mapped(*files(tmp_path, stamps))
+
+
+@pytest.mark.parametrize(
+    ("times", "of"),
+    [
+        ([f"{46082.5 + k / 100 / 86400:.11f}" for k in range(90)], "days of a spreadsheet"),
+        ([f"{k // 6000 + 9:02d}:{k % 6000 / 100:06.3f}" for k in range(5950, 6040)], "minutes and seconds"),
+    ],
+    ids=["days", "minutes"],
+)
+def test_times_of_a_spreadsheet(times: list[str], of: str, tmp_path: Path):
+    table, columns = files(
+        tmp_path, np.arange(90.0), MAP.replace('time_unit = "ms"\n', "").replace('decimal = ","\n', "")
+    )
+    rows = table.read_text(encoding="utf-8").replace(",", ".").split("\n")
+    rows[1:] = [";".join([time, *row.split(";")[1:]]) for time, row in zip(times, rows[1:], strict=True)]
+    table.write_text("\n".join(rows), encoding="utf-8")
+    log = read_mapped(table, columns)
+    assert log.rate == pytest.approx(100.0, rel=1e-4), of
+    assert log.began is None

@@ -142,6 +142,23 @@ def test_markers_are_told_apart_by_their_distances():
         order_of(np.tile(1e3 * body, (5, 1, 1)), body)
 
 
+@pytest.mark.parametrize("others", [12, 300])
+def test_markers_are_found_among_those_of_the_room(others: int):
+    """Anchors, tools, other subjects: their distances to the platform change, and few of theirs are like its own."""
+    random = np.random.default_rng(others)
+    body = np.array([[0.0, 0, 0], [0.2, 0, 0], [0, 0.35, 0], [0.1, 0.1, 0.3], [-0.1, 0.2, 0.12]])
+    swing = 0.05 * np.sin(np.arange(80) / 10.0)[:, np.newaxis, np.newaxis] * [1.0, 0.5, 0.2]
+    room = np.tile(random.uniform(-2.0, 2.0, (others, 3)), (80, 1, 1))
+    seen = np.concatenate([room[:, : others // 2], body + swing, room[:, others // 2 :]], axis=1)
+    seen = seen + 1e-4 * random.normal(size=seen.shape)
+    order, misfit, certain = order_of(seen, body)
+    assert order == tuple(others // 2 + np.arange(5))
+    assert misfit < 1e-3
+    assert certain
+    with pytest.raises(RefusedError, match=r"none of them at the distances.*--order"):
+        order_of(seen, 2.0 * body)
+
+
 def test_zeros_sentinels_and_held_places_are_missing():
     rng = np.random.default_rng(1)
     places = rng.normal(size=(60, 4, 3))

@@ -238,6 +238,47 @@ def test_what_ezc3d_writes(unit: str, scale: float, tmp_path: Path):
     same(log, atol=1e-6)  # 32-bit floats
 
 
+def test_labels_beyond_those_that_one_parameter_of_c3d_holds(tmp_path: Path):
+    ezc3d = pytest.importorskip("ezc3d", reason="the independent writer of C3D files is missing")
+    pytest.importorskip("c3d", reason="the extra c3d is missing")
+    names = [f"m{k}" for k in range(600)]
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [RATE]
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["POINT"]["LABELS"]["value"] = names
+    file["data"]["points"] = np.ones((4, len(names), COUNT))
+    file.write(str(tmp_path / "take.c3d"))
+    log = MARKER_READERS["c3d"](tmp_path / "take.c3d")
+    assert list(log.names) == names
+    assert log.unlabelled is None
+
+
+@pytest.mark.parametrize("lead", ["", "Frame\t", "Frame\tTime\t"])
+@pytest.mark.parametrize("named", [True, False])
+def test_residuals_behind_the_places_of_qualisys(named: bool, lead: str, tmp_path: Path):
+    markers = ["a", "b", "c", "d"]
+    head = [f"FREQUENCY\t{RATE:g}", "DATA_INCLUDED\t3D", "\t".join(["MARKER_NAMES", *markers])]
+    head += [lead + "\t".join(f"{m} {what}" for m in markers for what in ("X", "Y", "Z", "Residual"))] * named
+    rows: list[str] = []
+    for k, places in enumerate(PLACES):
+        cells = [f"{k + 1}", f"{k / RATE:.5f}"][: lead.count("\t")]
+        cells += [f"{value:.4f}" for place in (*places, *places) for value in (*place, 0.7)]
+        rows.append("\t".join(cells))
+    (tmp_path / "take").write_text("\r\n".join([*head, *rows]), encoding="utf-8")
+    log = MARKER_READERS["qtm-tsv"](tmp_path / "take")
+    assert log.names == tuple(markers)
+    np.testing.assert_allclose(log.positions, 1e-3 * np.concatenate([PLACES, PLACES], axis=1), atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in MARKER_READERS if kind not in {"csv", "mcap", "ros2-bag"}])
+def test_an_empty_file_is_called_empty(kind: str, tmp_path: Path):
+    if kind == "c3d":
+        pytest.importorskip("c3d", reason="the extra c3d is missing")
+    (tmp_path / "take").write_bytes(b"")
+    with pytest.raises(FileError, match="is empty"):
+        MARKER_READERS[kind](tmp_path / "take")
+
+
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
 def test_what_rosbags_writes(storage: str, tmp_path: Path):
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="the extra ros is missing")
