@@ -25,7 +25,7 @@ from procedures.recording.journal import Journal, LineKind
 from procedures.recording.journal_data import step_data
 from procedures.recording.ledger import Ledger
 from procedures.settings import GuardSettings
-from procedures.stand import Stand
+from procedures.stand import MarkerNews, Stand
 from procedures.steps import AfterPause, CheckWindow, Enable, Procedure, Record, Result, Step, Stop
 from procedures.stopping import quick_stop
 
@@ -58,6 +58,7 @@ class Engine:
         control: Control,
     ) -> None:
         self.pulse = Pulse()
+        self.news = MarkerNews()
         self._tasks: tuple[asyncio.Future[Any], ...] = ()
         self._control = control
         self._pace = Pace()
@@ -238,11 +239,13 @@ class Engine:
         self._publish(Prompted(self._rig.clock.now(), window, prompt))
 
     def _look(self) -> Observation:
+        now, frame = self._rig.clock.now(), self._rig.markers.latest()
+        self.news.take(frame, now)
         return Observation(
-            t=self._rig.clock.now(),
+            t=now,
             phase=self.pulse.phase,
             winches=tuple(winch.latest() for winch in self._rig.winches),
-            frame=self._rig.markers.latest(),
+            frame=frame,
             commanded=tuple(winch.commanded for winch in self._rig.winches),
         )
 

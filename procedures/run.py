@@ -145,6 +145,7 @@ class _Run:
             prompted=self._engine.prompted,
             rest=experiment.rest,
             place=None if self._resumption is None else self._resumption.place,
+            news=self._engine.news,
             disk=self._disk,
         )
         names = [winch.name for winch in self._rig.winches]

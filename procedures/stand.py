@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.disk import InlineDisk
-from drivers.ports import Disk, Prompt, Rig, WinchSample
+from drivers.ports import Disk, MarkerFrame, Prompt, Rig, WinchSample
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import DeviceError
 from procedures.expected.limits import RestLimits
@@ -14,6 +14,20 @@ from procedures.recording.recorder import Recorder
 from procedures.recording.resumption import LastPlace
 from procedures.recording.run_folder import RunFolder
 from procedures.settings import Settings
+
+
+class MarkerNews:
+    """When the main marker gave a new position, in every phase: also while somebody may stand before a camera."""
+
+    def __init__(self) -> None:
+        self.at: float | None = None
+        """monotonic s; None before the first"""
+        self._last: tuple[float, float, float] | None = None
+
+    def take(self, frame: MarkerFrame | None, now: float) -> None:
+        """The newest frame; one that is hidden, or where the last one was, is no news."""
+        if frame is not None and frame.main not in (None, self._last):
+            self._last, self.at = frame.main, now
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +50,7 @@ class Stand:
     places: PlaceHistory = field(default_factory=PlaceHistory)
     place: LastPlace | None = None
     """where an earlier process left the robot; checked before anything moves"""
+    news: MarkerNews = field(default_factory=MarkerNews)
     disk: Disk = field(default_factory=InlineDisk)
     """takes whatever is to be written"""
 

@@ -8,7 +8,8 @@ is still enabled after a quick stop: it may stand, but has not heard.
 import contextlib
 from dataclasses import asdict, dataclass
 
-from drivers.ports import DriveState, Winch
+from drivers.ports import DriveState, Winch, WinchSample
+from drivers.trajectory import Trajectory
 from procedures.guards.motion_guard import Follower, Tolerance
 from procedures.settings import GuardSettings, HoldSettings
 
@@ -73,6 +74,8 @@ class Stopping:
         self._anchor = self._place
         """where it was seen to move last, at `_since`"""
         self._wrong = self._moves = ""
+        self._jumped = 0.0
+        """m by which its encoder was elsewhere at once"""
         self._unseen = False
         self._seen = False
         """whether a sample has come since the command"""
@@ -102,11 +105,23 @@ class Stopping:
         self.stands = sample.t - self._since >= self._settings.still_for and not deaf
         self._moves = _NOT_TAKEN if deaf else "" if self.stands else "still moves"
         self._wrong = self._follower.look(sample, self.winch.commanded)
+        self._jumped = self._jumped or self._jump(sample, self.winch.commanded)
         if deaf and sample.t > self._told and self._should_stand(sample.t):
             self._wrong = self._wrong or _NOT_TAKEN
         if final:
             self._wrong = self._wrong or self._moves
         return bool(self._wrong) and had_power
+
+    def _jump(self, sample: WinchSample, commanded: Trajectory | None) -> float:
+        """How far the first sample of a stop is off, beyond what a drive may be late; 0 for one that is not.
+
+        A stop is compared from that sample on, for after a hang of this computer the drive may be anywhere: then it is
+        no jump.
+        """
+        if commanded is None or sample.t - commanded.t > self._age:
+            return 0.0
+        off, allowed = self._follower.behind, self._tolerance
+        return off if abs(off) > allowed.place + allowed.late * abs(commanded.velocity) else 0.0
 
     def _repeat(self, now: float, state: DriveState) -> None:
         """A frame may be lost: the quick stop is written again until the drive's statusword confirms it.
@@ -167,6 +182,12 @@ class Stopping:
             moved = self._place - self._start
         seconds = max(self._since - self._began, 0.0)
         says = "" if self.stands else f"{self.winch.name} {self._moves.removeprefix('it ')}"
+        if self._jumped:
+            says = says or f"{self.winch.name} stands still"
+            says += (
+                f"; its encoder jumped by {self._jumped * 1e3:+.1f} mm as it was stopped, so its length is not known "
+                "any more: home it before the next run"
+            )
         if self.forced:
             how = "was not seen to stop" if self._unseen else "did not obey the stop"
             went = "" if moved is None else f", {abs(moved) * 1e3:.1f} mm from where it was then"

@@ -81,7 +81,13 @@ async def hold_robot(
         await _by_watchdog(clock, stops, settings)
     held = _held(winches, [stop.told() for stop in stops], refusals)
     blind = [winch.name for winch in winches if (sample := winch.latest()) is not None and sample.blind]
-    doubt = doubt or f"the encoder of {' and '.join(blind)} is contradicted by its drive" * bool(blind)
+    doubt = doubt or (
+        f"the encoders of {' and '.join(blind)} are contradicted by their drives"
+        if len(blind) > 1
+        else f"the encoder of {blind[0]} is contradicted by its drive"
+        if blind
+        else ""
+    )
     return held.doubted(doubt) if doubt else held
 
 

@@ -55,6 +55,11 @@ class Follower:
         self._unseen = 0.0
         """m that the drive's velocity has told at rest and its encoder has not, lately"""
 
+    @property
+    def behind(self) -> float:
+        """m by which the first sample of the stop that it carries out was off what was commanded."""
+        return self._behind
+
     def look(self, sample: WinchSample | None, commanded: Trajectory | None) -> str:
         """The violation in words; empty where there is none, or nothing was commanded."""
         if sample is None or commanded is None:

@@ -75,6 +75,7 @@ async def move_to(stand: Stand, step: MoveTo) -> Result:
     way = longest_way(start, step.lengths)
     if way <= step.tolerance:
         return Result(values=start)
+    await _marker_lives(stand)
     await _start(stand, step, start, way)
     clock = stand.rig.clock
     allowed = 1.5 * travel_time(way, step.speed, step.acceleration) + 3.0
@@ -90,6 +91,20 @@ async def move_to(stand: Stand, step: MoveTo) -> Result:
     if not await wait_until(clock, allowed, arrived):
         raise _not_arrived(stand, step, allowed)
     return Result(values=stand.lengths())
+
+
+async def _marker_lives(stand: Stand) -> None:
+    """Wait for a new position of a marker that has given none for longer than its guard allows.
+
+    The guard does not count while somebody handles the platform: a marker that was lost or froze then would be found
+    out only in motion. It counts now, and ends the run before anything moves.
+    """
+    clock, allowed = stand.rig.clock, stand.settings.guard.marker_for
+
+    def lives() -> bool:
+        return stand.news.at is None or clock.now() - stand.news.at <= allowed
+
+    await wait_until(clock, 2.0 * allowed, lives)
 
 
 async def _start(stand: Stand, step: MoveTo, start: Lengths, way: float) -> None:

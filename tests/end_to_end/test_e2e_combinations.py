@@ -127,6 +127,52 @@ def zeros(stage):
     stage.mocap.add("jumps", 1e3, tuple(-one for one in seen))
 
 
+def flood(stage, frame_id):
+    """100 frames in each of 100 cycles."""
+
+    async def send():
+        for k in range(100):
+            for _ in range(100):
+                stage.bus.inject(frame_id, (0x2310 + k).to_bytes(2, "little") + bytes(6))
+            await stage.sleep(0.01)
+
+    stage.spawn(send())
+
+
+def swapped(stage, one, other):
+    """Through a gateway: each says what the other has said last."""
+    last = {}
+
+    def instead(base, own, its, data):
+        last[base, own] = data
+        return last.get((base, its), data)
+
+    for base in (0x180, 0x280):
+        for own, its in ((one, other), (other, one)):
+            stage.bus.rules.append(
+                FrameRule(frozenset({base + own}), change=lambda data, k=(base, own, its): instead(*k, data))
+            )
+
+
+def soon(stage, strike):
+    """5 ms later, between two samples."""
+
+    async def wait():
+        await stage.sleep(0.005)
+        strike()
+
+    stage.spawn(wait())
+
+
+def jumps(stage, metres):
+    stage.drive(2).faults.jump_encoder(stage.counts(2, metres))
+
+
+def stopped_in_vain(stage):
+    stage.drive(2).defects.encoder_frozen = stage.drive(2).defects.quick_stop_ignored = True
+    stage.control.emergency_stop("F12")
+
+
 @dataclass(frozen=True)
 class Case:
     """One combination."""
@@ -284,6 +330,53 @@ CASES = {
     "all power is cut while somebody is at the platform, and comes back": Case(
         "Ask", 0.3, power_cut, "all 4 winches have not answered", DEAF
     ),
+    "a lost heartbeat, and another drum turns": Case(
+        "Ask",
+        0.5,
+        lambda s: (s.bus.rules.append(FrameRule(frozenset({0x702}), drop=True)), s.spin(3, 0.05, unseen=True)),
+        "winch 3 is +3.",
+        "stand still, held",
+    ),
+    "emergencies of an unknown node in a flood, and a drum turns": Case(
+        "Ask", 0.5, lambda s: (flood(s, 0x85), s.spin(2, 0.05, unseen=True)), "winch 2 is +3.", "stand still, held"
+    ),
+    "each SYNC comes twice, and a drum creeps": Case(
+        "Ask",
+        0.5,
+        lambda s: (s.bus.rules.append(FrameRule(frozenset({0x80}), copies=2)), s.spin(2, 0.005, unseen=True)),
+        "winch 2 is +3.",
+        "stand still, held",
+    ),
+    "the samples of two drives come under each other's identifier": Case(
+        "Ask",
+        0.5,
+        lambda s: swapped(s, 2, 3),
+        "mm from its commanded position",
+        "the encoders of winch 2 and winch 3 are contradicted by their drives",
+        way=0.001,
+    ),
+    "an encoder that stands and a quick stop that is ignored, as somebody stops a move": Case(
+        "MoveTo",
+        0.4,
+        stopped_in_vain,
+        "The emergency stop guard stopped the run: F12",
+        "winch 2 did not obey the stop (is still in operation enabled after a quick stop",
+        way=0.012,
+    ),
+    "an encoder that jumps as somebody stops a move": Case(
+        "MoveTo",
+        0.4,
+        lambda s: (s.control.emergency_stop("F12"), soon(s, lambda: jumps(s, 0.02))),
+        "The emergency stop guard stopped the run: F12",
+        "winch 2 stands still; its encoder jumped by +20.0 mm as it was stopped, so its length is not known any more",
+    ),
+    "an encoder that slips by a millimetre as somebody stops a move": Case(
+        "MoveTo",
+        0.4,
+        lambda s: (s.control.emergency_stop("F12"), soon(s, lambda: jumps(s, 0.001))),
+        "The emergency stop guard stopped the run: F12",
+        "All winches stand still, held.",
+    ),
     "a value refused in bring-up": Case("", 0.0, refusing, "6065:0 following error window", "never reported"),
     "one drive misses its enabling": Case(
         "", 0.0, never_enabled, "after enable operation expected", "without motor power: winch 3"
@@ -380,3 +473,38 @@ def test_power_that_somebody_else_gives_while_nobody_may_have_it_is_stopped(rehe
     assert ended.report.held_says == "All winches stand still, without motor power: winch 1, winch 3, winch 4."
     assert np.abs(truth.moved).max() <= 1e-4
     assert [drive.state for drive in ended.drives].count(State.QUICK_STOP_ACTIVE) == 1
+
+
+@pytest.mark.parametrize("kind", ["freezes", "occlusions", "silences"])
+def test_no_move_begins_with_a_marker_that_was_lost_while_somebody_was_at_the_platform(rehearsal, scene, truth, kind):
+    rehearsal.plan = scene.two
+    rehearsal.at("Ask", lambda stage: (truth.watch(stage), stage.mocap.add(kind, 1e3)), after=0.1)
+    ended = rehearsal.run()
+    assert ended.trip is not None
+    assert ended.trip.guard == "marker"
+    assert "MoveTo" in ended.begun
+    assert np.abs(truth.moved).max() <= 1e-4
+    assert ended.report.held_says == "All winches stand still, held."
+
+
+def test_a_move_waits_for_a_marker_that_comes_back(rehearsal, scene, truth):
+    """All attempts of the first window are lost for it; it is seen again a second after the next move was to begin."""
+    seen = []
+
+    def hides(stage):
+        async def hide():
+            truth.watch(stage)
+            while not seen:
+                stage.mocap.add("occlusions", 0.15)
+                await stage.sleep(0.1)
+
+        stage.spawn(hide())
+
+    rehearsal.plan = scene.two
+    rehearsal.at("Ask", hides, after=0.1)
+    rehearsal.at("MoveTo", lambda stage: seen.append(stage.now()), nth=2, after=1.0)
+    ended = rehearsal.run()
+    assert ended.trip is None
+    (moving, *_) = (k for k, now in enumerate(truth.lengths) if np.abs(now - truth.lengths[0]).max() > 1e-4)
+    assert seen[0] < ended.planted[0] + 0.005 * moving < seen[0] + 0.5
+    assert [row.id for row in ended.report.accepted] == ["i02"]

@@ -34,6 +34,7 @@ _TRAVEL = 2e-3
 """m of cable that a winch must go one way for friction to have turned"""
 _SETTLED = 0.2
 """s after a command's end in which a drive's own set-point may still come to rest: three times what a guard allows"""
+_HALT_RAMP = 0x6084
 STANDSTILL = 0.005
 """of the highest speed"""
 
@@ -186,12 +187,15 @@ class Cia402Winch:
         """NMT stop, at which the drive does what 6007 says: one frame, never waits.
 
         Where it is seen to be enabled still, a halt comes before: what 6007 says is the quick stop that it has not
-        obeyed. One that is not seen may stand in its quick stop, from which that word could enable it again.
+        obeyed. It halts as steeply as a quick stop, not on the ramp of its move. One that is not seen may stand in its
+        quick stop, from which that word could enable it again.
         """
         order, sample = self.drive.begin(), self.latest()
         enabled = sample is not None and sample.state is DriveState.OPERATION_ENABLED  # UNKNOWN where it is old
         if enabled and self.link.mode is not Mode.PROFILE_TORQUE:  # where a halt takes the torque away
             with contextlib.suppress(BusError):
+                ramp = self.config.drive_acceleration(self.config.quick_stop_deceleration)
+                self.link.post(_HALT_RAMP, 0, ramp)
                 self.drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
         self._forced = True
         self.link.send_nmt(NmtCommand.STOP)

@@ -105,6 +105,14 @@ class SdoChannel:
             ) from error
         await self._exchange(what, lambda: self._client.download(index, sub, data))
 
+    def encoded(self, index: int, sub: int, value: int) -> bytes:
+        """The bytes of a number in an object; none where the EDS file has no such object, or it does not fit."""
+        variable = self._dictionary.get_variable(index, sub)
+        try:
+            return b"" if variable is None else bytes(variable.encode_raw(value))
+        except (ValueError, TypeError):
+            return b""
+
     async def write_verified(self, index: int, sub: int, value: int) -> None:
         """Write a number and read it back. Raises DeviceError where the drive kept another one."""
         await self.write(index, sub, value)

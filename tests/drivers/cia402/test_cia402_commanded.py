@@ -83,7 +83,9 @@ def test_nmt_stop_comes_after_a_halt_and_the_encoder_answers_afterwards_without_
         await bench.enabled()
         before = len(bench.bus.sent)
         bench.winch.force_stop()
-        (halt_id, halt), stop = bench.bus.sent[before:]
+        ramp, (halt_id, halt), stop = bench.bus.sent[before:]
+        steep = bench.winch.config.drive_acceleration(bench.winch.config.quick_stop_deceleration)
+        assert ramp == (0x603, b"\x23\x84\x60\x00" + steep.to_bytes(4, "little")), "as a quick stop, not as its move"
         assert (halt_id, halt[:3]) == (0x203, bytes((0x0F, 0x01, 1)))
         assert stop == (0x000, bytes((0x02, 3)))
         seconds = bench.winch.fall_silent()

@@ -172,7 +172,7 @@ def test_a_drive_without_power_is_brought_up_as_ever(on_bench, config):
         ((0x77F, b"\x05"), "node 127"),
         ((0x000, b"\x80\x03"), "NMT"),
         ((0x7E5, bytes(8)), "LSS"),
-        ((0x603, bytes(8)), "SDO requests to node 3"),
+        ((0x603, bytes(8)), "SDO request to node 3"),
         ((0x403, bytes(4)), "RPDO. to node 3"),
     ],
 )
