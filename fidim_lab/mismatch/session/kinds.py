@@ -135,6 +135,8 @@ def not_told_apart(kind: SessionKind, order: Sequence[str], fitted: Sequence[str
     what = (kind.cable, kind.chosen, order, kind.names)
     every = [*_steps(BODY_STEP if kind.is_body else kind.id, *what)]
     every += [*_steps(BODY_ONCE, *what, once=True)] if kind.is_body else []
+    courses = {tuple(kind.course): kind}
+    for one in every:  # the last window alone is a step there
+        courses.setdefault(tuple(one.course), one)
     at = [order.index(whole_id(id)) for id in fitted]
-    others = (one for one in every if not np.array_equal(one.course, kind.course))
-    return tuple(one for one in others if np.array_equal(one.course[at], kind.course[at]))
+    return tuple(one for one in [*courses.values()][1:] if np.array_equal(one.course[at], kind.course[at]))

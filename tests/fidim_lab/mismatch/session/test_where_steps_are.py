@@ -21,7 +21,7 @@ def step(id: str, first: str) -> SessionKind:
         (CAMERA_STEP, "v01", [("camera-step", "i03")]),
         (CAMERA_STEP, "i02", []),
         (BODY_STEP, "i04", [("body-step", "v02")]),  # in the last one alone is the same
-        (BODY_STEP, "v02", [("body-step", "i04"), ("body-once", "i04")]),
+        (BODY_STEP, "v02", [("body-step", "i04")]),
         (BODY_STEP, "i03", [("body-step", "v01")]),
     ],
 )
