@@ -84,12 +84,13 @@ FAST = ("null",)
 
 
 def answers(case: Small) -> dict[str, Any]:
-    """The explanation and the results of a campaign, without times, numbers to so many digits."""
+    """The explanation and the results of a campaign, without times and work, numbers to so many digits."""
     campaign = case.simulated()
     explained = explain(campaign, effort=math.inf).table
     found = {method.value: identify(campaign, method, native=True).to_json() for method in (Method.MLE, Method.TLS)}
     for table in (explained, *found.values()):
         del table["seconds"]
+    del explained["work"]
     for row in explained["ranking"]:
         del row["forms"], row["lost"]  # of the same effects and figures, for people
     whole = as_json({"explanation": explained, "results": found})

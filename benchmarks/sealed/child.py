@@ -20,7 +20,7 @@ from benchmarks.sealed.sizes import EFFECTS
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError
-from fidim_lab.model.sensitivity.work import nodes_integrated
+from fidim_lab.model.sensitivity.work import work_done
 
 WAITING = 6.0
 """times the cap, plus a minute, by the clock on the wall: how long anything may take"""
@@ -96,7 +96,7 @@ def main(arguments: list[str]) -> int:
         answer = _explained(campaign, without) if ChildTask(verb) is ChildTask.EXPLAIN else _loud(campaign)
     except FidimError as error:
         why = f"{type(error).__name__}: {error}"
-    write_json(Path(out), ChildOutcome(answer, why, process_time(), NO_LIMITS, nodes_integrated()).table)
+    write_json(Path(out), ChildOutcome(answer, why, process_time(), NO_LIMITS, work_done().nodes).table)
     return 0
 
 

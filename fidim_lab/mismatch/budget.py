@@ -7,7 +7,7 @@ CPU time is spent on integrating them and on what follows from them.
 from dataclasses import dataclass, field
 from time import process_time
 
-from fidim_lab.model.sensitivity.work import nodes_integrated
+from fidim_lab.model.sensitivity.work import IntegrationWork, work_done
 
 WORK = 4_000_000
 """nodes; some 300 s of CPU time on a core of 2020. Of 270 sealed campaigns 94 in 100 took less than a third"""
@@ -23,7 +23,7 @@ class Budget:
     """times `WORK`, after which no further fit is begun"""
     patience: float | None = None
     """s of CPU time of this process, after which it is not either: a slower computer then tries less. None: no limit"""
-    begun: int = field(default_factory=nodes_integrated)
+    begun: IntegrationWork = field(default_factory=work_done)
     since: float = field(default_factory=process_time)
 
     @property
@@ -32,8 +32,13 @@ class Budget:
         return self._is_worked_off or (self.patience is not None and process_time() - self.since > self.patience)
 
     @property
+    def work(self) -> IntegrationWork:
+        """Since it was made."""
+        return work_done() - self.begun
+
+    @property
     def _is_worked_off(self) -> bool:
-        return nodes_integrated() - self.begun > self.effort * WORK
+        return self.work.nodes > self.effort * WORK
 
     @property
     def for_whole_windows(self) -> "Budget":

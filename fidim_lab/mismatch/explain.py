@@ -23,7 +23,7 @@ from fidim_lab.mismatch.conclusion.certainty import only_certain
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.conclusion.message import body_parameters, tell
-from fidim_lab.mismatch.conclusion.opened_once import with_test
+from fidim_lab.mismatch.conclusion.opened_once import with_unfitted
 from fidim_lab.mismatch.conclusion.parsimony_check import unless_outdone
 from fidim_lab.mismatch.conclusion.session import with_session
 from fidim_lab.mismatch.conclusion.surveyed import with_geometry
@@ -34,6 +34,7 @@ from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.corrected import with_corrections
 from fidim_lab.mismatch.fitting.baseline import Baseline, ready
 from fidim_lab.mismatch.linearised.hypotheses import check_known
+from fidim_lab.mismatch.residuals.channels import channels
 from fidim_lab.mismatch.rounds import Reached, Rounds
 from fidim_lab.mismatch.whole_motion.common_part import elastic, rigid
 from fidim_lab.say import Say
@@ -76,7 +77,8 @@ def explain(
     told = with_session(told, reached.changes, cleaned)
     told = with_timing(told, judged.named.model, put_right=last.retimed)
     whole, last_word = with_unknown(told, judged, last.cleaned.campaign, say)
-    whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)
+    whole = with_unfitted(whole, last.cleaned.campaign, reached.before, judged.named, last_word)
+    shown = last_word.fit
     audited = _audited(campaign, cleaned, reached, judged, whole)
     if whole.verdict in OPEN:
         soft, searched = soft_mode(audited.campaign), last.cleaned.campaign
@@ -88,8 +90,10 @@ def explain(
             tried, longer = last.found.tried, budget.for_whole_windows
             whole, completed = with_whole_motion(whole, searched, common, tried, longer, say, without)
             if completed is not None:
+                shown = completed
                 audited = without_needless_contacts(cleaned, audited, completed)
-    return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
+    whole = replace(whole, seconds=perf_counter() - begin, work=budget.work, channels=channels(shown))
+    return with_answer(only_certain(with_cleaning(whole, audited)))
 
 
 def _beside(before: Baseline, told: Explanation) -> Explanation:

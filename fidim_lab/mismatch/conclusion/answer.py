@@ -21,6 +21,11 @@ MOST_SIZES = 2
 """parameters listed of each"""
 MOST_MEMBERS = 2
 """listed of a class beside its first"""
+NOT_WHITE = {
+    "lengths": "Why cable lengths change within windows although the winches are held.",
+    "currents": "Why motor currents do not follow the tensions of the model: friction at the winches, for example.",
+}
+"""said of a channel that shows more than noise, where the markers show no more"""
 HEADS = {
     Verdict.NOTHING_MISSING: "Nothing is missing.",
     Verdict.EXPLAINED: "Left out: {names}.",
@@ -44,12 +49,14 @@ def with_answer(told: Explanation) -> Explanation:
 
 def _figures(told: Explanation) -> str:
     """How well windows are predicted, and which windows these are."""
-    test = told.test
-    chi2 = told.chi2_per_dof if test is None else test.chi2_per_dof
-    rms = told.rms_mm if test is None else test.rms_mm
-    which = (
-        "held-out windows, which were also used to choose the model" if test is None else "test windows, used only here"
-    )
+    chi2, rms = told.chi2_per_dof, told.rms_mm
+    which = "held-out windows, which were also used to choose the model"
+    for figures, words in (
+        (told.left_out, "each window predicted from the others"),
+        (told.test, "test windows, used only here"),
+    ):
+        if figures is not None:
+            chi2, rms, which = figures.chi2_per_dof, figures.rms_mm, words
     if chi2.after is None or not isfinite(chi2.after) or rms.after is None:
         return "No window was held out to test it."
     if told.verdict is Verdict.NOTHING_MISSING and told.geometry is None:
@@ -81,9 +88,11 @@ def _certain(told: Explanation) -> Iterable[str]:
 
 
 def _doubtful(told: Explanation) -> Iterable[str]:
-    """Errors of readings under a model that leaves more than noise: physics may be missing instead."""
+    """Errors of readings under a model that leaves more than noise, and channels that show more than the markers."""
     if told.readings and told.verdict is Verdict.UNKNOWN_PHYSICS:
         yield f"Whether this error is real, or an image of the missing physics: {told.readings[0].says}"
+    if told.verdict in (Verdict.NOTHING_MISSING, Verdict.EXPLAINED):
+        yield from (NOT_WHITE[one.channel] for one in told.channels if not one.white and one.channel in NOT_WHITE)
 
 
 def _all_told(told: Explanation) -> str:
@@ -119,8 +128,10 @@ def _name(cause: NamedCause) -> str:
 
 
 def _sizes(parameters: dict[str, EffectParameter]) -> str:
-    """The first few, to the digits of their sd; those that are beyond chance come first."""
-    leading = sorted(parameters.items(), key=lambda named: not _seen(named[1]))
+    """The first few, to the digits of their sd; first what is beyond chance, or the largest of one unit without sd."""
+    values = parameters.values()
+    by_size = len({one.unit for one in values}) == 1 and all(one.sd is None for one in values)
+    leading = sorted(parameters.items(), key=lambda named: -abs(named[1].value) if by_size else not _seen(named[1]))
     said = [f"{name} = {_value(value)} {value.unit}".removesuffix(" 1") for name, value in leading[:MOST_SIZES]]
     return f": {', '.join(said)}" if said else ""
 

@@ -11,8 +11,10 @@ from fidim_lab.data.files.json_file import as_json, write_json
 from fidim_lab.identification.results.result import Geometry, ShortAnswer
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, LawTerm, Ranked
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
+from fidim_lab.mismatch.residuals.channels import Channel
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.unknown_force.unknown import UnknownForce
+from fidim_lab.model.sensitivity.work import IntegrationWork
 
 MOST_ALIKE = 3
 """effects in `equivalent_to` of the file, by spec/formats.md; the others are in `further_equivalent`"""
@@ -141,8 +143,30 @@ class Explanation:
     """in four short parts"""
     test: HeldOutFigures | None = None
     """of the windows of role `test`, opened once with the model that is told; None without any"""
+    left_out: HeldOutFigures | None = None
+    """of all windows, each foretold by the others; None where `test` stands for them"""
+    channels: tuple[Channel, ...] = ()
+    """what each shows beside the model that is told"""
+    work: IntegrationWork = field(default_factory=IntegrationWork)
+    """of the search"""
     readings: tuple[Reading, ...] = ()
     """what lengths and cameras were off by, put right in the fit; and noise that is not as stated"""
+
+    @property
+    def weights(self) -> list[tuple[tuple[tuple[str, int | None], ...], float]]:
+        """Models (effects, each with its cable) that together hold 95 % of the weight, the likeliest first.
+
+        Each effect or what may stand in its place, whatever the others are; none where it is not known what is missing.
+        """
+        if not self.effects and self.verdict is not Verdict.NOTHING_MISSING:
+            return []
+        told: list[tuple[tuple[tuple[str, int | None], ...], float]] = [((), 1.0)]
+        for cause in self.effects:
+            places = zip((cause, *cause.members), cause.weights, strict=True)
+            told = [((*before, (one.id, one.cable)), weight * own) for one, own in places for before, weight in told]
+        told.sort(key=lambda model: -model[1])
+        held = np.cumsum([0.0, *(weight for _, weight in told)])
+        return [model for model, before in zip(told, held, strict=False) if before < SHARED.confidence]
 
     @property
     def table(self) -> dict[str, Any]:
@@ -164,7 +188,14 @@ class Explanation:
             "unknown": None if self.unknown is None else unknown_table(self.unknown),
             "law": self.law,
             "geometry": None if self.geometry is None else self.geometry.table,
+            "weights": [
+                {"effects": [{"id": id, "cable": cable} for id, cable in effects], "weight": weight}
+                for effects, weight in self.weights
+            ],
+            "channels": self.channels,
             "test": self.test,
+            "left_out": self.left_out,
+            "work": self.work,
             "readings": self.readings,
             **({} if self.answer is None else _parts(self.answer)),
         }

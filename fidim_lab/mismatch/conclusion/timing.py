@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicSpline
 
 from fidim_lab.data.records import Campaign
 from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.parts import EffectParameter
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.residuals.currents import courses
 from fidim_lab.mismatch.thresholds import SHARED
 
 OFFSET = "time-offset"
@@ -58,22 +58,23 @@ class Timing:
 
 def timing(model: Completed) -> Timing | None:
     """By the motor currents of the windows that were fitted; None where there are none, or too few that are usable."""
-    courses = [course for w in range(len(model.fit.likelihood.recordings)) for course in _courses(model, w)]
-    if len(courses) < SHARED.fewest:
+    windows, margin = range(len(model.fit.likelihood.recordings)), CONCLUSION.timing_farthest
+    usable = [course for w in windows for course in courses(model.fit, w, margin)]
+    if len(usable) < SHARED.fewest:
         return None
     looks = np.arange(
         -CONCLUSION.timing_farthest, CONCLUSION.timing_farthest + CONCLUSION.timing_stride / 2, CONCLUSION.timing_stride
     )
-    start = float(looks[np.argmin([sum(course.misfit(look) for course in courses) for look in looks])])
+    start = float(looks[np.argmin([sum(course.misfit(look) for course in usable) for look in looks])])
     found, steps, weights = np.array([start, 0.0]), np.zeros((0, 2)), np.zeros((0, 2, 2))
     for _ in range(SHARED.rounds):
-        tries = [course.step(*found.tolist()) for course in courses]
+        tries = [course.step(*found.tolist()) for course in usable]
         steps, weights = np.array([step for step, _ in tries]), np.array([weight for _, weight in tries])
         found = found + _mean(steps, weights)
     sds = _sds(steps, weights)
     markers, markers_sd = _rate_of_markers(model)
     return Timing(
-        float(found[0]), float(sds[0]), float(found[1]) - markers, float(np.hypot(sds[1], markers_sd)), len(courses)
+        float(found[0]), float(sds[0]), float(found[1]) - markers, float(np.hypot(sds[1], markers_sd)), len(usable)
     )
 
 
@@ -166,58 +167,3 @@ def with_timing(told: Explanation, model: Completed, *, put_right: bool = False)
         return told
     said[0] = said[0].replace("Nothing is missing:", "Nothing else is missing:", 1)
     return replace(told, verdict=Verdict.EXPLAINED, effects=tuple(causes), message=" ".join(said))
-
-
-@dataclass(frozen=True, eq=False)
-class _Course:
-    """One motor's current beside the tension that the model has at the markers' stamps."""
-
-    t: np.ndarray
-    current: np.ndarray
-    tension: CubicSpline
-
-    def misfit(self, offset: float) -> float:
-        """Sum of squares with the best a and b, over that without a tension."""
-        column = _centred(self.tension(self.t - offset))
-        current = _centred(self.current)
-        return 1.0 - float(column @ current) ** 2 / float(column @ column) / float(current @ current)
-
-    def step(self, offset: float, rate: float) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2 2"]]:
-        """Corrections of offset (s) and rate by this time course alone, with their weights (information)."""
-        there = self.t - offset + rate * self.t
-        slope = self.tension(there, 1)
-        ours = np.column_stack([np.ones(len(there)), self.tension(there)])
-        theirs = np.column_stack([-slope, self.t * slope])
-        free, *_ = np.linalg.lstsq(ours, np.column_stack([theirs, self.current]), rcond=None)
-        rest = np.column_stack([theirs, self.current]) - ours @ free
-        normal = rest[:, :2].T @ rest[:, :2]
-        shift = np.linalg.lstsq(normal, rest[:, :2].T @ rest[:, 2], rcond=1e-9)[0]
-        left = rest[:, 2] - rest[:, :2] @ shift
-        noise = float(left @ left) / (len(there) - 4)
-        scale = float((free[:, 2] - free[:, :2] @ shift)[1])
-        return shift / scale, scale**2 * normal / noise
-
-
-def _centred(values: np.ndarray) -> np.ndarray:
-    return values - values.mean()
-
-
-def _courses(model: Completed, w: int) -> list[_Course]:
-    recording = model.fit.likelihood.recordings[w]
-    window = recording.window
-    if window.currents is None:
-        return []
-    simulation = model.fit.journey.optimum.simulation
-    trajectories, place = simulation.trajectory_of(w)
-    nodes = trajectories.grid.t
-    t = window.t - window.t[0] - recording.begin
-    inside = (t > CONCLUSION.timing_farthest) & (
-        t < min(float(simulation.ends[w]), nodes[-1]) - CONCLUSION.timing_farthest
-    )
-    found: list[_Course] = []
-    for k in range(window.currents.shape[1]):
-        use = inside & np.isfinite(window.currents[:, k])
-        values = trajectories.tensions[place, :, k]
-        if use.sum() >= SHARED.samples and np.isfinite(values).all() and np.ptp(window.currents[use, k]) > 0:
-            found.append(_Course(t[use], window.currents[use, k], CubicSpline(nodes, values)))
-    return found

@@ -108,6 +108,7 @@ def _told(told: Explanation, outcome: SearchOutcome, campaign: Campaign) -> Expl
         message=_message(outcome, effects, geometry, robot),
         geometry=geometry,
         test=_opened_once(outcome, campaign),
+        left_out=None,
     )
 
 

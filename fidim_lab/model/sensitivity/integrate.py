@@ -17,7 +17,7 @@ from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.equations import BODY, slopes
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.stiff import Began, follow
-from fidim_lab.model.sensitivity.work import count_nodes
+from fidim_lab.model.sensitivity.work import count_work
 
 COARSE = 1e-5
 """m: what blocks of a stiff grid may leave out of a marker's motion, a fifth of what the best cameras see"""
@@ -193,7 +193,7 @@ def integrate(
     gives both). Cables are not watched here: see
     `Trajectories.first_slack`. Never raises for the physics: NaN instead. Quiet springs ask for a stiff grid.
     """
-    count_nodes(len(states.positions) * grid.nodes)
+    count_work(len(states.positions), grid.nodes)
     if mechanism.quiet:
         return _followed(mechanism, shared, states, grid, begins, unstretched, extra)
     count, nodes, t = len(states.positions), grid.nodes, grid.t

@@ -12,7 +12,7 @@ from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import QUICK, Grid
 from fidim_lab.model.sensitivity.integrate import States, integrate
-from fidim_lab.model.sensitivity.work import nodes_integrated
+from fidim_lab.model.sensitivity.work import IntegrationWork, work_done
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
@@ -29,8 +29,8 @@ def test_a_budget_is_spent_by_work_or_by_cpu_time_from_when_it_is_made() -> None
     assert Budget(patience=0.0).is_spent
     assert not Budget(patience=1e6).is_spent
     assert Budget(patience=30.0, since=-1e6).is_spent
-    assert not Budget(effort=2.0, begun=nodes_integrated() - WORK).is_spent
-    assert Budget(effort=0.5, begun=nodes_integrated() - WORK).is_spent
+    assert not Budget(effort=2.0, begun=work_done() - IntegrationWork(0, WORK)).is_spent
+    assert Budget(effort=0.5, begun=work_done() - IntegrationWork(0, WORK)).is_spent
 
 
 def test_work_is_counted_in_nodes_and_is_the_same_each_time(irma4: Robot) -> None:
@@ -39,10 +39,10 @@ def test_work_is_counted_in_nodes_and_is_the_same_each_time(irma4: Robot) -> Non
     states = States(rest.pose.position[np.newaxis], rest.pose.rotation[np.newaxis], np.zeros((1, 6)))
     counted = []
     for _ in range(2):
-        begin = nodes_integrated()
+        begin = work_done()
         grid = Grid.covering(2.0, QUICK)
         integrate(mechanism, body.vector, states, grid, np.zeros(1))
-        counted.append(nodes_integrated() - begin)
+        counted.append((work_done() - begin).nodes)
     assert counted[0] == counted[1] == grid.nodes
 
 

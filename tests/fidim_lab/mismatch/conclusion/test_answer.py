@@ -9,6 +9,7 @@ from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.mismatch.conclusion.answer import with_answer
 from fidim_lab.mismatch.conclusion.explanation import ClassMember, Explanation, NamedCause, ShortAnswer, Verdict
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, LawTerm
+from fidim_lab.mismatch.residuals.channels import Channel
 
 DRY = {"c": EffectParameter(0.01, 2e-4, "N m")}
 SWIVEL = NamedCause("swivel-friction", None, (), DRY, "says", single=True)
@@ -46,6 +47,35 @@ def test_what_is_seen_of_a_cause_is_told_before_what_is_not() -> None:
     assert said == "body-force: ty = 0.029 ± 0.003 N m, fx = 0.02 ± 0.03 N."
 
 
+def test_of_sizes_without_spread_the_largest_are_told() -> None:
+    """What stands for a fast clock: hardly a force to the side, and one along gravity."""
+    forces = {"fx": (-0.008, "N"), "fy": (-0.007, "N"), "fz": (0.16, "N")}
+    steady = {name: EffectParameter(value, None, unit) for name, (value, unit) in forces.items()}
+    cause = replace(EITHER, members=(ClassMember("constant-force", None, 0.0, steady),))
+    assert "constant-force: fz = 0.16 N, fx = -0.008 N" in answer(explanation(Verdict.EXPLAINED, cause)).not_known
+
+
+def test_a_channel_that_shows_more_than_the_markers_is_told() -> None:
+    noise = Channel("lengths", white=True, p=0.4, trend_over_windows=0.3)
+    creeping = replace(noise, white=False, p=1e-9)
+    null = explanation(Verdict.NOTHING_MISSING)
+    assert answer(replace(null, channels=(noise,))).not_known == "No effect was named."
+    assert "although the winches are held" in answer(replace(null, channels=(creeping,))).not_known
+    assert "winches" not in answer(replace(explanation(Verdict.UNKNOWN_PHYSICS), channels=(creeping,))).not_known
+
+
+def test_models_that_hold_95_percent_of_the_weight() -> None:
+    told = explanation(Verdict.EXPLAINED, EITHER, ANCHOR)
+    models, weights = zip(*told.weights, strict=True)
+    assert models == (
+        (("swivel-friction", None), ("anchor-offset", 2)),
+        (("rotational-drag", None), ("anchor-offset", 2)),
+    )
+    assert weights == pytest.approx((0.7685, 0.2315), abs=1e-4)
+    assert explanation(Verdict.NOTHING_MISSING).weights == [((), 1.0)]
+    assert explanation(Verdict.UNKNOWN_PHYSICS).weights == []
+
+
 def test_a_law_without_a_name_is_certain_with_its_sizes() -> None:
     values = {"c": EffectParameter(0.0866, 0.004, "N at 1 m/s"), "p": EffectParameter(0.529, 0.02, "1")}
     law = (LawTerm("a drag flatter than air's", "says", values),)
@@ -75,17 +105,17 @@ def test_what_is_held_has_no_spread() -> None:
 
 
 @pytest.mark.parametrize(
-    ("test", "which"),
+    ("figures", "which"),
     [
-        (None, "χ²/dof 41 → 1.02, 0.1 mm (held-out windows, which were also used to choose the model)."),
-        (
-            HeldOutFigures(Before(30.0, 1.1), Before(0.5, 0.2)),
-            "χ²/dof 30 → 1.1, 0.2 mm (test windows, used only here).",
-        ),
+        ((), "χ²/dof 41 → 1.02, 0.1 mm (held-out windows, which were also used to choose the model)."),
+        (("left_out",), "χ²/dof 30 → 1.1, 0.2 mm (each window predicted from the others)."),
+        (("test",), "χ²/dof 30 → 1.1, 0.2 mm (test windows, used only here)."),
     ],
 )
-def test_the_figure_says_of_which_windows_it_is(test: HeldOutFigures | None, which: str) -> None:
-    assert answer(replace(explanation(Verdict.EXPLAINED, SWIVEL), test=test)).verdict.endswith(which)
+def test_the_figure_says_of_which_windows_it_is(figures: tuple[str, ...], which: str) -> None:
+    found = HeldOutFigures(Before(30.0, 1.1), Before(0.5, 0.2))
+    told = replace(explanation(Verdict.EXPLAINED, SWIVEL), **dict.fromkeys(figures, found))
+    assert answer(told).verdict.endswith(which)
 
 
 def test_geometry_within_its_survey_is_no_cause() -> None:
