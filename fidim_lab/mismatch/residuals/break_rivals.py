@@ -84,14 +84,15 @@ def judge(
 
 
 def _beside(values: Float[np.ndarray, "G 3"], step: float, row: int, reach: float) -> np.ndarray | None:
-    """Rows with a sample on either side of a place."""
+    """Rows with a sample on either side of a place; None where there are few, or none from there on."""
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
     most = int(np.clip(round(reach / step), RESIDUALS.break_rivals_fewest, RESIDUALS.break_rivals_most))
     at = int(np.searchsorted(seen, row))
     before, after = seen[max(0, at - most) : at], seen[at : at + most]
     before = before[(before[-1:] - before) * step <= RESIDUALS.break_rivals_farthest]
     after = after[(after - after[:1]) * step <= RESIDUALS.break_rivals_farthest]
-    return None if len(before) + len(after) < 2 * RESIDUALS.breaks_fewest else np.concatenate([before, after])
+    few = len(after) == 0 or len(before) + len(after) < 2 * RESIDUALS.breaks_fewest
+    return None if few else np.concatenate([before, after])
 
 
 def _cost(rival: _Rival, piece: Float[np.ndarray, "S 3"]) -> tuple[float, np.ndarray, np.ndarray]:

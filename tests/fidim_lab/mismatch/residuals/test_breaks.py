@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.identification.data_checks.screening import screen
@@ -54,6 +56,26 @@ def test_a_step_behind_a_frozen_run_might_be_a_blow_unless_the_marker_is_known_t
     (row, by), *_ = breaks_of(values, 0.01, LIMITS, jumps=slice(0, 0)).steps
     assert row == 505
     np.testing.assert_allclose(by, [0.0, 20.0, 0.0], atol=4.0)
+
+
+def test_a_place_after_which_nothing_is_seen_is_not_judged() -> None:
+    """A peak whose samples an earlier one of the same look has taken along."""
+    values = residual(100.0)
+    values[900:] = np.nan
+    assert judge(values, 0.01, 900).what is Break.NONE
+    assert judge(values, 0.01, len(values) - 1).what is Break.NONE
+
+
+@given(seed=st.integers(0, 2**32 - 1), many=st.sampled_from([0.01, 0.1, 0.4]), jumps=st.booleans())
+@settings(max_examples=25, deadline=None)
+def test_whatever_was_recorded_is_judged(seed: int, many: float, jumps: bool) -> None:
+    rng = np.random.default_rng(seed)
+    values = residual(50.0, seed % 1000, seconds=2.0)
+    values += np.where(rng.random((len(values), 1)) < many, rng.normal(size=values.shape) * 200.0, 0.0)
+    values[rng.random(len(values)) < many] = np.nan
+    found = breaks_of(values, 0.02, LIMITS, spikes=LIMITS, jumps=slice(80, 100) if jumps else None)
+    assert all(np.isfinite(values[row]).all() for row in found.spikes)
+    assert all(0 < row < len(values) for row, _ in found.steps)
 
 
 @pytest.mark.parametrize("rate", RATES)
