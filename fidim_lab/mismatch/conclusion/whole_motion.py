@@ -26,7 +26,7 @@ from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.models import ModelFits, WholeModel
 from fidim_lab.mismatch.whole_motion.search import SearchOutcome, search
-from fidim_lab.mismatch.whole_motion.weighing import log_odds, taken
+from fidim_lab.mismatch.whole_motion.weighing import log_odds, odds_of_all, taken
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
 from fidim_lab.units import millimetres
@@ -116,7 +116,7 @@ def _cause(outcome: SearchOutcome, k: int, sd: np.ndarray) -> NamedCause:
     """Term k with what stands for it; alone where every rival was tried and is excluded."""
     best, tried = outcome.best, outcome.best.terms[k]
     rivals = outcome.rivals[k]
-    members = tuple(_member(one, k, outcome) for one in rivals or ())
+    members = sorted((_member(one, k, outcome) for one in rivals or ()), key=lambda one: one.loss)
     others = tuple(one for one in members if one.id != tried.effect.id)
     ids = tuple(dict.fromkeys(one.id for one in others))
     parameters = _parameters(best, k, sd)
@@ -125,8 +125,8 @@ def _cause(outcome: SearchOutcome, k: int, sd: np.ndarray) -> NamedCause:
 
 def _member(rival: WholeModel, k: int, outcome: SearchOutcome) -> ClassMember:
     effect = rival.terms[k].effect
-    loss = log_odds(outcome.best, rival)
-    return ClassMember(effect.id, effect.cable, float(loss), _parameters(rival, k, rival.sd(outcome.temper)))
+    loss = odds_of_all(outcome.best, rival)
+    return ClassMember(effect.id, effect.cable, loss, _parameters(rival, k, rival.sd(outcome.temper)))
 
 
 def _parameters(model: WholeModel, k: int, sd: np.ndarray) -> dict[str, EffectParameter]:

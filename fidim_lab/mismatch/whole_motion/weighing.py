@@ -19,6 +19,13 @@ def log_odds(model: WholeModel, than: WholeModel) -> float:
     return model.nats(temper) - than.nats(temper)
 
 
+def odds_of_all(model: WholeModel, than: WholeModel) -> float:
+    """As `log_odds`, by all windows: what a model leaves of held-out ones counts as what it leaves of fitted ones."""
+    both = [id for id in model.held if id in than.held]
+    less = sum(than.held[id].chi2 - model.held[id].chi2 for id in both)
+    return log_odds(model, than) + 0.5 * less / min(model.temper, than.temper)
+
+
 def chance(model: WholeModel, than: WholeModel) -> float:
     """That windows held out prefer `model` by accident alone (one-sided t of log rms); 1 where too few windows tell."""
     both = [id for id in model.held if id in than.held]
