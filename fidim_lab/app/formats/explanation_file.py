@@ -14,6 +14,7 @@ from fidim_lab.identification.results.result_file import BodyNumber, GeometryTab
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.parts import HeldOutFigures, LawTerm, Ranked
 from fidim_lab.mismatch.next_experiment.proposal import Claim
+from fidim_lab.mismatch.residuals.channels import Channel
 from fidim_lab.mismatch.unknown_force.field import Field
 
 EXPLANATION = "explanation.json"
@@ -83,6 +84,9 @@ class ExplanationTable(ExplanationPart):
     unknown: UnknownTable | None = None
     law: tuple[LawTerm, ...] = ()
     geometry: GeometryTable | None = None
+    test: HeldOutFigures | None = None
+    left_out: HeldOutFigures | None = None
+    channels: tuple[Channel, ...] = ()
 
 
 def as_file(explanation: Explanation) -> ExplanationTable:

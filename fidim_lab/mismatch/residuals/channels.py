@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.special import betainc
 
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.residuals.currents import Course, courses
+from fidim_lab.mismatch.residuals.currents import CurrentCourse, courses
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.mismatch.thresholds import SHARED
@@ -124,7 +124,7 @@ def _rest(tension: Float[np.ndarray, " T"], current: Float[np.ndarray, " T"]) ->
     return current - columns @ np.linalg.lstsq(columns, current, rcond=None)[0]
 
 
-def _by_window(all_courses: Sequence[Sequence[Course]], cable: int) -> Float[np.ndarray, " W"] | None:
+def _by_window(all_courses: Sequence[Sequence[CurrentCourse]], cable: int) -> Float[np.ndarray, " W"] | None:
     """Means of what is left with one a and b in all windows, A; None where a window has no such current."""
     ours = [one for window in all_courses for one in window if one.cable == cable]
     if len(ours) < len(all_courses):

@@ -11,7 +11,7 @@ from fidim_lab.mismatch.thresholds import SHARED
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class CurrentCourse:
     """One motor's current beside the tension that the model has at the markers' stamps."""
 
     cable: int
@@ -47,7 +47,7 @@ class Course:
         return shift / scale, scale**2 * normal / noise
 
 
-def courses(found: Fit, w: int, margin: float = 0.0) -> list[Course]:
+def courses(found: Fit, w: int, margin: float = 0.0) -> list[CurrentCourse]:
     """Of the motors of window `w` whose current changes, less `margin` s at both ends of the fitted motion."""
     recording = found.likelihood.recordings[w]
     window = recording.window
@@ -58,12 +58,12 @@ def courses(found: Fit, w: int, margin: float = 0.0) -> list[Course]:
     nodes = trajectories.grid.t
     t = window.t - window.t[0] - recording.begin
     inside = (t > margin) & (t < min(float(simulation.ends[w]), nodes[-1]) - margin)
-    usable: list[Course] = []
+    usable: list[CurrentCourse] = []
     for k in range(window.currents.shape[1]):
         current, tension = window.currents[:, k], trajectories.tensions[place, :, k]
         rows = np.flatnonzero(inside & np.isfinite(current))
         if len(rows) >= SHARED.samples and np.isfinite(tension).all() and np.ptp(current[rows]) > 0:
-            usable.append(Course(k, rows, t[rows], current[rows], CubicSpline(nodes, tension)))
+            usable.append(CurrentCourse(k, rows, t[rows], current[rows], CubicSpline(nodes, tension)))
     return usable
 
 

@@ -60,7 +60,7 @@ def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> Exp
         places=tuple(dict.fromkeys(place.says for place in found.where)),
         unknown=() if unknown is None else unknown.words,
         field=() if field is None else proof_figures.field_drawings(field.field),
-        before_after=(figures_table(found), shift_table(found)),
+        before_after=(figures_table(found), *channel_tables(found), shift_table(found)),
         drawings=(proof_figures.shifts(found), *proof_figures.drawings(shown, noise)),
         notes=shown.notes,
         tried=(ranking_table(found), *_families(unknown), *_untested(found)),
@@ -88,16 +88,40 @@ def _sizes_table(caption: str, parameters: Mapping[str, EffectParameter]) -> Rep
 
 
 def figures_table(found: ExplanationTable) -> ReportTable:
-    """Held-out figures."""
-    rows = (("χ²/dof", found.held_out.chi2_per_dof), ("rms, mm", found.held_out.rms_mm))
-    cells = tuple((name, short(one.before), short(one.after), _gone(name, one)) for name, one in rows)
-    caption = "Held-out windows; only their initial states are fitted. χ²/dof = 1: only noise is left."
-    return ReportTable(caption, ("figure", "before", "after", "excess removed"), cells)
+    """Figures of windows that were not fitted."""
+    judged = {
+        "test windows": found.test,
+        "each window by the others": found.left_out,
+        "held-out windows": found.held_out,
+    }
+    rows: list[tuple[str, ...]] = []
+    for windows, figures in judged.items():
+        if figures is not None:
+            chi2, rms = figures.chi2_per_dof, figures.rms_mm
+            rows.append((windows, "χ²/dof", short(chi2.before), short(chi2.after), _gone(chi2)))
+            rows.append((windows, "rms, mm", short(rms.before), short(rms.after), "–"))
+    caption = "Windows that were not fitted; only their initial states are. χ²/dof = 1: only noise is left."
+    return ReportTable(caption, ("windows", "figure", "before", "after", "excess removed"), tuple(rows))
 
 
-def _gone(name: str, one: Before) -> str:
+def channel_tables(found: ExplanationTable) -> tuple[ReportTable, ...]:
+    """What each channel shows beside the model."""
+    rows = tuple(
+        (
+            one.channel,
+            "noise" if one.white else "more than noise",
+            f"{one.p:.2g}",
+            "–" if one.trend_over_windows is None else f"{one.trend_over_windows:.2g}",
+        )
+        for one in found.channels
+    )
+    names = ("channel", "what the model leaves", "chance in noise", "chance of its course over the windows")
+    return (ReportTable("Channels of the fitted windows, each by itself", names, rows),) if rows else ()
+
+
+def _gone(one: Before) -> str:
     """The share of χ²/dof above 1 that has gone."""
-    if not name.startswith("χ²") or one.before is None or one.after is None or one.before <= 1.0:
+    if one.before is None or one.after is None or one.before <= 1.0:
         return "–"
     return f"{percent(min(1.0, (one.before - one.after) / (one.before - 1.0))):.3g} %"
 

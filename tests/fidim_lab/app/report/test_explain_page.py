@@ -30,8 +30,9 @@ from fidim_lab.mismatch.conclusion.explanation import (
     Verdict,
     write_explanation,
 )
-from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, Ranked
+from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, Ranked
 from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.residuals.channels import Channel
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.mismatch.unknown_force.unknown import FamilyTried, Term, UnknownForce
@@ -95,6 +96,20 @@ def test_the_stated_numbers_reproduce_the_improvement(dragged, explanation):
     assert one.before.chi2_per_dof > 5 * one.after.chi2_per_dof
     assert np.sqrt(np.nanmean(one.after.residuals**2)) == pytest.approx(dragged.robot.sensors.marker_noise, rel=0.1)
     assert shown.notes == ()
+
+
+def test_figures_say_of_which_windows_they_are_and_each_channel_what_it_shows(dragged, explanation):
+    others = HeldOutFigures(Before(44.0, 1.04), Before(0.68, 0.102))
+    lengths = Channel("lengths", white=False, p=2e-9, trend_over_windows=None)
+    found = as_file(replace(explanation, left_out=others, channels=(lengths,)))
+    figures, channels, _ = explained(found, proof(found, dragged), 1e-4).before_after
+    assert figures.rows == (
+        ("each window by the others", "χ²/dof", "44", "1.04", "99.9 %"),
+        ("each window by the others", "rms, mm", "0.68", "0.102", "–"),
+        ("held-out windows", "χ²/dof", "41", "1.02", "99.9 %"),
+        ("held-out windows", "rms, mm", "0.66", "0.101", "–"),
+    )
+    assert channels.rows == (("lengths", "more than noise", "2e-09", "–"),)
 
 
 def test_the_geometry_that_was_found_is_part_of_what_predicts(dragged, explanation):
