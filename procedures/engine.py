@@ -99,7 +99,8 @@ class Engine:
 
     def _tripped(self, trip: Trip) -> GuardError:
         where = f" It was at “{self.pulse.step.text}”." if self.pulse.step else ""  # last: one line may show no more
-        return GuardError(f"The {trip.guard} guard stopped the run: {trip.says.rstrip('.')}.{where}")
+        says = trip.says if trip.says.endswith((".", "?")) else f"{trip.says}."
+        return GuardError(f"The {trip.guard} guard stopped the run: {says}{where}")
 
     async def _cancel_all(self, *, hurry: bool) -> None:
         for task in self._tasks:

@@ -17,6 +17,8 @@ POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 """states in which a drive keeps the cable by its motor"""
 AGAIN = 0.02
 """s between two quick stops to a drive that does not confirm it: two cycles at 100 Hz, in which a confirmation comes"""
+_ROUNDING = 1e-6
+"""s, of times that are differences"""
 _UNHEARD = (DriveState.OPERATION_ENABLED, DriveState.UNKNOWN)
 """states in which a drive may not have heard a quick stop"""
 _NOT_TAKEN = "is still in operation enabled after a quick stop"
@@ -129,7 +131,7 @@ class Stopping:
         Its ramp then begins with the one that was heard.
         """
         if state in _UNHEARD:
-            if now - self._sent >= AGAIN:
+            if now - self._sent >= AGAIN - _ROUNDING:
                 quick_stop(self.winch, again=True)
                 self._sent, self._repeated = now, True
         elif self._repeated:
@@ -190,7 +192,7 @@ class Stopping:
             )
         if self.forced:
             how = "was not seen to stop" if self._unseen else "did not obey the stop"
-            went = "" if moved is None else f", {abs(moved) * 1e3:.1f} mm from where it was then"
+            went = "" if moved is None else f", {abs(moved) * 1e3:.1f} mm by its encoder from where it was then"
             says = (
                 f"{self.winch.name} {how} ({self._wrong}{went}): NMT stop was sent, then heartbeat and SYNC were "
                 f"withheld; {self._moves}"

@@ -132,7 +132,7 @@ def _held(winches: Sequence[Winch], stopped: Sequence[StoppedWinch], refusals: S
     told += [
         (w.name, f"was quick-stopped ({why.rstrip('.')})") for w, why in zip(winches, refusals, strict=True) if why
     ]
-    says = [f"{of}{':' if ', ' in of else ''} {text}" for text, of in each_once(told).items()]
+    says = [f"{of}{', each:' if ', ' in of else ''} {text}" for text, of in each_once(told).items()]
     if not ok and (stand := [one.name for one in stopped if one.stands and one.obeyed]):
         says.append(f"{', '.join(stand)} {'stands' if len(stand) == 1 else 'stand'} still")
     return Held(ok, " ".join([sentence, *(f"{part}." for part in says)]), tuple(stopped))

@@ -55,7 +55,7 @@ def test_drives_that_hear_nothing_stop_by_themselves(rehearsal, failure, step):
     assert says in report.reason
     assert "cut the power by hand before you go near" in report.held_says
     assert report.held_says.startswith("All winches stand still by now" if failure == ASKED else "NOT VERIFIED")
-    assert "winch 1, winch 2, winch 3, winch 4: was not seen to stop" in report.held_says
+    assert "winch 1, winch 2, winch 3, winch 4, each: was not seen to stop" in report.held_says
     assert report.exit_code == 3
     assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}
     farthest = SPEED * (HOST_TIMEOUT + 0.05) + SPEED**2 / (2 * RAMP)

@@ -332,7 +332,7 @@ def test_ctrl_c_at_every_step_leaves_the_robot_held(world, lab, tmp_path, step):
     if step == "Enable":  # cancelled while the drives were being configured: they never had power
         assert [w.commands for w in world.winches] == [["configure", "hold"]] * 4
         assert not report.held
-        assert "winch 1, winch 2, winch 3, winch 4: has never reported" in report.held_says
+        assert "winch 1, winch 2, winch 3, winch 4, each: has never reported" in report.held_says
     else:
         assert report.held
         assert all(w.commands[-1] == "hold" for w in world.winches)

@@ -268,7 +268,7 @@ class Drive:
 
         seconds = self._config.step_timeout if timeout is None else timeout
         if not await wait_until(self._clock, confirmed, timeout=seconds, period=self._period):
-            found = _describe(self.link.values, self._clock.now())
+            found = "; ".join(filter(None, (_describe(self.link.values, self._clock.now()), self.fault())))
             raise DeviceError(self._config.device, f"{what} expected within {seconds:g} s, found: {found}.")
 
 

@@ -34,7 +34,10 @@ this time and `BETWEEN`, 7.5 mm together. Ten questions a second and drive are 2
 DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
 REFUSES_SAYS = "it refuses to give its encoder by SDO ({}): its samples (TPDO) may be old"
 OLD_SAYS = "its samples (TPDO) stay where they are, its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
-CHANGED_SAYS = "somebody has changed what its stops rest on: {} {}: {} found, {} was written"
+CHANGED_SAYS = (
+    "what its stops rest on is no longer as it was written (somebody has changed it, or the drive has restarted): "
+    "{} {}: {} found, {} was written"
+)
 SAME_SAYS = (
     "its samples (TPDO) have been exactly the same for {:.1f} s, its load, asked by SDO, is another: they are old"
 )

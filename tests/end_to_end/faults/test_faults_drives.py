@@ -263,7 +263,7 @@ def test_a_drive_without_voltage(rehearsal, fault):
     "a vendor's tool changes what the stop of a drive rests on (605A, 6085, 6007, 1016, RPDO, …)",
     reaction="quick stop",
     within=6.0,
-    says="winch 2 reports a fault: somebody has changed what its stops rest on: ",
+    says="winch 2 reports a fault: what its stops rest on is no longer as it was written",
     window="none was open",
 )
 def test_a_drive_whose_stop_is_changed(rehearsal, fault, index, sub, value):
