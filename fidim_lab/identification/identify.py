@@ -40,6 +40,8 @@ SPREAD_SEEN = 5.0
 """spread between windows over nominal sd beyond which the model lacks something …"""
 ENOUGH_WINDOWS = 8
 """… with so many windows: with fewer, leaving one out can unbalance the excitation, and a spread says nothing of it"""
+UNFILTERED = "Export the markers as the cameras saw them: no filter, no smoothing, the cameras' own rate."
+"""what to do where they were not"""
 OPTIMISM = 3.0
 """a spread so many times the nominal sd is worth a warning"""
 
@@ -83,8 +85,8 @@ def identify(
     notes = (*notes, *recordings.notes)
     filtered = None if _leaves_nothing(result) else low_passed(recordings.campaign)
     if filtered is not None and not result.outcome.answers:  # what it leaves unexplained is the filter's
-        answer = result.answer
-        result = replace(result, answer=replace(answer, verdict=f"{filtered.says} {answer.verdict}"))
+        answer = replace(result.answer, verdict=f"{filtered.says} {result.answer.verdict}", next=UNFILTERED)
+        result = replace(result, answer=answer, warnings=())  # what is missed, and how, follows from the filter
     elif filtered is not None:
         notes = (*notes, filtered.says)
     return replace(result, removed=recordings.removed, warnings=(*notes, *result.warnings))

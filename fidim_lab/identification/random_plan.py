@@ -28,6 +28,9 @@ DRAWS_FOR_EACH = 60
 """places tried for each window before the plan is given up"""
 DRAWS_FOR_FIRST = 200
 """places tried without finding any: then there is hardly one"""
+PENDULUM = 3
+"""cables, on which a platform may hang as a pendulum whose marker reaches hardly any of the places drawn: if too few
+are found, cables are given the lengths of an upright platform there instead"""
 STEP = 0.01
 """s of integration: tensions within 1 % over 10 s, enough to accept or refuse a window"""
 SAMPLE = 0.02
@@ -102,9 +105,28 @@ def random_plan(
     may refuse what the nominal model accepts, where a place can be tried out. Raises InfeasibleError where not enough
     are found, with what most places lacked.
     """
-    taste = taste or Taste()
-    search = _Search(robot, taste, np.random.default_rng([seed, 2]))
-    wanted = equilibria + validation
+    wanted, refusals = equilibria + validation, Counter[PlaceRefusal]()
+    found: list[_Candidate] = []
+    for hung in (False, True) if robot.n == PENDULUM else (False,):
+        search = _Search(robot, taste or Taste(), np.random.default_rng([seed, 2]), hung=hung)
+        tried, drawn = _drawn(search, wanted, progress, trial)
+        if len(drawn) == wanted:
+            return Plan(name, _windows(drawn, equilibria))
+        if len(drawn) >= len(found):
+            refusals, found = tried, drawn
+    raise InfeasibleError(
+        f"Only {len(found)} of {wanted} equilibria were found where the platform rests and swings with tensions within "
+        f"{robot.limits.tension[0]:g} to {robot.limits.tension[1]:g} N; of the other places drawn, "
+        + "; ".join(f"{count}: {why.value}" for why, count in refusals.most_common())
+        + ".",
+        hint="Ask for fewer, widen the limits in the robot file, or give a plan. fidim doctor --robot checks the file.",
+    )
+
+
+def _drawn(
+    search: "_Search", wanted: int, progress: Callable[[int, int], None] | None, trial: Trial | None
+) -> tuple[Counter[PlaceRefusal], list["_Candidate"]]:
+    """As many candidates as are wanted, or those that were found until the search is given up; and its refusals."""
     found: list[_Candidate] = []
     refusals: Counter[PlaceRefusal] = Counter()
     for _ in range(DRAWS_FOR_EACH * wanted):
@@ -120,14 +142,8 @@ def random_plan(
         if progress is not None:
             progress(len(found), wanted)
         if len(found) == wanted:
-            return Plan(name, _windows(found, equilibria))
-    raise InfeasibleError(
-        f"Only {len(found)} of {wanted} equilibria were found where the platform rests and swings with tensions within "
-        f"{robot.limits.tension[0]:g} to {robot.limits.tension[1]:g} N; of the other places drawn, "
-        + "; ".join(f"{count}: {why.value}" for why, count in refusals.most_common())
-        + ".",
-        hint="Ask for fewer, widen the limits in the robot file, or give a plan. fidim doctor --robot checks the file.",
-    )
+            break
+    return refusals, found
 
 
 class _Candidate(NamedTuple):
@@ -139,8 +155,8 @@ class _Candidate(NamedTuple):
 class _Search:
     """Draws one candidate at a time."""
 
-    def __init__(self, robot: Robot, taste: Taste, rng: np.random.Generator) -> None:
-        self._robot, self._taste, self._rng = robot, taste, rng
+    def __init__(self, robot: Robot, taste: Taste, rng: np.random.Generator, *, hung: bool = False) -> None:
+        self._robot, self._taste, self._rng, self._hung = robot, taste, rng, hung
         self._mechanism = Mechanism(robot)
         self._workspace = Workspace(robot)
 
@@ -165,7 +181,7 @@ class _Search:
     def _rest(self, aside: Vector3, depth: float) -> Equilibrium | PlaceRefusal:
         robot, taste = self._robot, self._taste
         try:
-            equilibrium = rest_near(self._mechanism, self._workspace.place(aside, depth))
+            equilibrium = rest_near(self._mechanism, self._workspace.place(aside, depth), hung=self._hung)
         except InfeasibleError:
             return PlaceRefusal.NO_REST
         tension = equilibrium.tensions_in_newton(robot.mass)

@@ -31,6 +31,9 @@ TYPICAL = MappingProxyType({"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTA
 """the same by the key of `[survey]`"""
 TYPICAL_MARKER = 1e-3
 """m: what a ruler reaches from a marker to the platform's frame; assumed where a robot file says nothing"""
+TYPICAL_TURN, TYPICAL_SHIFT = 2e-3, 2e-3
+"""rad, m: by which a calibration square on a floor stands off gravity, and off the frame in which anchors were surveyed
+by other means; a spirit level is good to 5 mrad"""
 EXACT = 1e-9
 """m and rad: the sd of one coordinate that is exact beside others that are not; a thousandth of what is ever told"""
 
@@ -72,6 +75,13 @@ def usual_markers(robot: Robot, factor: float = 1.0) -> tuple[Nuisance, ...]:
     return nuisances(robot, replace(Survey.alike(robot.n, 0.0, 0.0), marker=factor * TYPICAL_MARKER))
 
 
+def usual_frame(robot: Robot, factor: float = 1.0) -> tuple[Nuisance, ...]:
+    """What remains open of the capture's frame against the robot's, and of the direction of gravity in it."""
+    turn, shift = factor * TYPICAL_TURN, factor * TYPICAL_SHIFT
+    exact = Survey.alike(robot.n, 0.0, 0.0)
+    return nuisances(robot, replace(exact, frame_rotation=turn, frame_shift=shift, gravity=turn))
+
+
 def stated(robot: Robot) -> tuple[Nuisance, ...]:
     """What the robot file's own survey leaves open; nothing where it has none."""
     return () if robot.survey is None else nuisances(robot, robot.survey)
@@ -98,7 +108,7 @@ def as_found(mechanism: Mechanism, pieces: Mapping[tuple[str, int | None], Seque
 
 def opened_by(robot: Robot, pieces: Collection[tuple[str, int | None]]) -> tuple[Nuisance, ...]:
     """What is open of the geometry where these pieces are: (name, 1-based cable or None)."""
-    known = stated(robot) or (*usual(robot), *usual_markers(robot))
+    known = stated(robot) or (*usual(robot), *usual_markers(robot), *usual_frame(robot))
     return tuple(one for one in known if (one.name, one.cable) in pieces)
 
 

@@ -48,14 +48,15 @@ class Workspace:
         return self._middle + sideways + depth * self.scale * self._down
 
 
-def rest_near(mechanism: Mechanism, place: Vector3) -> Equilibrium:
+def rest_near(mechanism: Mechanism, place: Vector3, *, hung: bool = False) -> Equilibrium:
     """The nominal body's equilibrium with its marker at a place, m.
 
     With one or two cables the platform cannot rest at any place: there, with the lengths that the upright platform
-    would need at the place. Raises InfeasibleError without such a rest.
+    would need at the place. So with more of them if it is hung: three nearly parallel cords reach few places, all of
+    them far below. Raises InfeasibleError without such a rest.
     """
     robot = mechanism.robot
-    if robot.n > 2:
+    if robot.n > 2 and not hung:
         return equilibrium_at(mechanism, robot.nominal, place)
     upright = Pose(place - robot.marker, np.eye(3))
     lengths = mechanism.lengths(upright.position[np.newaxis], upright.rotation[np.newaxis])[0]

@@ -18,6 +18,7 @@ from fidim_lab.app.doctor.robot_findings import (
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.equations.consistency import can_exist
+from fidim_lab.identification.random_plan import PENDULUM
 from fidim_lab.identification.workspace import Workspace, rest_near
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import ROTATION_SCALE, modes, scaled_singular_values
@@ -175,11 +176,12 @@ def middle_rests(mechanism: Mechanism) -> list[Equilibrium]:
     """Rest poses at several depths under the middle of the anchors, with three cables or more within the limits."""
     workspace = Workspace(mechanism.robot)
     rests: list[Equilibrium] = []
-    for depth in DEPTHS:
-        try:
-            rests.append(rest_near(mechanism, workspace.place(np.zeros(3), float(depth))))
-        except InfeasibleError:
-            continue
+    for hung in (False, True) if mechanism.n == PENDULUM else (False,):
+        for depth in () if rests else DEPTHS:
+            try:
+                rests.append(rest_near(mechanism, workspace.place(np.zeros(3), float(depth)), hung=hung))
+            except InfeasibleError:
+                continue
     return rests
 
 

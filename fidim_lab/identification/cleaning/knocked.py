@@ -49,16 +49,46 @@ def without_knocked_markers(campaign: Campaign) -> CleanRecordings:
     return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), notes)
 
 
+def moved_in(campaign: Campaign, name: str) -> str:
+    """The marker that is elsewhere on the body in one window than in most, as a sentence; empty where there is none.
+
+    For a window whose motion contradicts the others': what is too little to be told from a calibration of cameras by
+    itself, is then the likely cause if it is more than noise.
+    """
+    tables = {window.id: _distances(window) for window in campaign.windows}
+    shape = tables[name].shape
+    usual = [table for id, table in tables.items() if id != name and table.shape == shape]
+    if not usual or not shape[0]:
+        return ""
+    found = _stands_out(tables[name] - np.median(usual, axis=0), campaign.robot.sensors.marker_noise / MOVED)
+    if found is None:
+        return ""
+    marker, by = found
+    return (
+        f" Marker {marker + 1} was elsewhere on the body there: its distances to the others differ by up to "
+        f"{1e3 * by:.1f} mm from those in most windows, theirs do not. Blank it there, and identify again."
+    )
+
+
 def _displaced(robot: Robot, window: Window) -> tuple[int, float] | None:
     """The marker (0-based) and the largest error of its distances, m."""
-    off = _distances_off(robot, window)
+    found = _distances(window)
+    body = robot.markers[: len(found)]
+    return _stands_out(found - np.linalg.norm(body[:, np.newaxis] - body, axis=2), LEAST)
+
+
+def _stands_out(off: Float[np.ndarray, "M M"], least: float) -> tuple[int, float] | None:
+    """The marker (0-based) whose distances are off, the others' not, and the largest of these errors, m.
+
+    least: m, by which distances may be off where nothing moved.
+    """
     count = len(off)
     if count < FEWEST:
         return None
     own = np.array([np.sqrt(np.nanmean(np.delete(off[m], m) ** 2)) for m in range(count)])
     others = np.array([_rms_without(off, m) for m in range(count)])
-    marker = int(np.nanargmax(own / np.maximum(others, LEAST)))
-    if not own[marker] > MOVED * max(float(others[marker]), LEAST):
+    marker = int(np.nanargmax(own / np.maximum(others, least)))
+    if not own[marker] > MOVED * max(float(others[marker]), least):
         return None
     return marker, float(np.nanmax(np.abs(off[marker])))
 
@@ -70,17 +100,17 @@ def _rms_without(off: Float[np.ndarray, "M M"], marker: int) -> float:
     return float(np.sqrt(np.nanmean(known**2))) if np.isfinite(known).any() else np.inf
 
 
-def _distances_off(robot: Robot, window: Window) -> Float[np.ndarray, "M M"]:
-    """Median distances between this window's markers less the robot file's, m; NaN where not seen together."""
+def _distances(window: Window) -> Float[np.ndarray, "M M"]:
+    """Median distances between its markers, m; NaN where not seen together; empty where one is hardly seen with any."""
+    count = window.markers.shape[1]
     seen = np.asarray(np.isfinite(window.markers).all(axis=2))
     use = np.flatnonzero(seen.sum(axis=0) >= SAMPLES)
-    off = np.full((window.markers.shape[1],) * 2, np.nan)
+    found = np.full((count, count), np.nan)
     for one, other in combinations(use, 2):
         both = seen[:, one] & seen[:, other]
         if both.sum() < SAMPLES:
             continue
         apart = np.linalg.norm(window.markers[both, one] - window.markers[both, other], axis=1)
-        file = np.linalg.norm(robot.markers[one] - robot.markers[other])
-        off[one, other] = off[other, one] = float(np.median(apart)) - float(file)
-    whole = np.isfinite(off).sum(axis=1) >= FEWEST - 1
-    return off[np.ix_(whole, whole)] if whole.all() else np.zeros((0, 0))
+        found[one, other] = found[other, one] = float(np.median(apart))
+    whole = np.isfinite(found).sum(axis=1) >= FEWEST - 1
+    return found if whole.all() else np.zeros((0, 0))

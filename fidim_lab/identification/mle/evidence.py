@@ -3,14 +3,14 @@
 Evidence is Laplace's: half the fall of the sum of squares, prior included, less the Occam factor
 ½ ln det(I + prior covariance × information). Where the model misses more than noise (χ²/dof above 1) residuals are no
 independent samples: the data's part of both is divided by χ²/dof. All from one linearised problem, at a point where
-cables and markers are open; either is closed, and each one's standard deviations are scaled, within it.
+cables, markers and the capture's frame are open; each is closed, and its standard deviations are scaled, within it.
 
 `Linearised` is that problem: the sum of squares near an optimum as a quadratic function, with a normal prior about 0 on
 all but the body, and the evidence of models that free some of it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -36,6 +36,8 @@ SAME = 1.3
 """factors nearer than this change standard deviations by less than the spread of 24 draws tells"""
 TAIL = 3.0
 """sd within which an answer is to be right: what lies beyond as often as by a normal distribution is told as its sd"""
+FRAME = ("frame", "gravity")
+"""pieces of the geometry that are those of the capture's frame"""
 COARSE = 4
 """step through `FACTORS` where two of them are sought: 0.47 of a logarithm; the best of them is within `SAME`"""
 
@@ -113,15 +115,17 @@ class Factors:
     cables: float | None
     """anchors and attachments"""
     markers: float | None
+    frame: float | None = None
+    """the capture's frame, and the direction of gravity in it"""
 
     @property
     def exact(self) -> bool:
         """Whether the whole geometry counts as exact."""
-        return self.cables is None and self.markers is None
+        return self.cables is None and self.markers is None and self.frame is None
 
     def near(self, other: "Factors") -> bool:
         """Whether the same is open, and about as wide."""
-        pairs = ((self.cables, other.cables), (self.markers, other.markers))
+        pairs = ((self.cables, other.cables), (self.markers, other.markers), (self.frame, other.frame))
         return all(a is b is None or (a is not None and b is not None and 1 / SAME < a / b < SAME) for a, b in pairs)
 
 
@@ -151,14 +155,16 @@ NOT_WEIGHED = GeometryOdds()
 
 
 def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> GeometryOdds:
-    """From the linearised problem at a fit with cables and markers open, in the order of its θ.
+    """From the linearised problem at a fit with cables and markers open, perhaps the frame too, in the order of its θ.
 
-    Either counts as exact where the evidence for that leads by `ODDS`, whatever of the other is open.
+    Cables or markers count as exact where the evidence for that leads by `ODDS`, whatever of the other is open; the
+    frame counts as exact unless the evidence against that leads by as much.
     """
     dof = sum(left.dof for left in found.remainders)
     problem = Linearised.of(found.tables, _cost(found), dof, found.values[BODY:])
     of_markers = np.concatenate([np.full(len(one.sd), one.what == "marker") for one in opened])
-    cables, markers = ~of_markers, of_markers
+    of_frame = np.concatenate([np.full(len(one.sd), one.what in FRAME) for one in opened])
+    cables, markers = ~(of_markers | of_frame), of_markers
     tried = _Tried(problem, _cost(exact), prior_sd(opened))
     by_cables, by_markers, by_both = tried.of(cables), tried.of(markers), tried.of_both(cables, markers)
     exact_cables = max(0.0, by_markers.log_bayes) - max(by_cables.log_bayes, by_both.log_bayes) > ODDS
@@ -170,7 +176,8 @@ def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> GeometryOdds:
         best = by_markers
     open_cables, open_markers = best.factors
     factors = Factors(None if exact_cables else open_cables, None if exact_markers else open_markers)
-    return GeometryOdds(factors, best.log_bayes, best.gain)
+    odds = GeometryOdds(factors, best.log_bayes, best.gain)
+    return tried.with_frame(odds, cables, markers, of_frame) if of_frame.any() else odds
 
 
 def fall(exact: Fit, found: Fit) -> float:
@@ -201,6 +208,8 @@ class _Tried:
     problem: Linearised
     before: float
     survey: Float[np.ndarray, " theta"]
+    beside: Bool[np.ndarray, " theta"] | None = None
+    """what is open in every case, as wide as `survey` has it"""
 
     def of(self, free: Bool[np.ndarray, " theta"]) -> _One:
         """One of the two by one factor."""
@@ -225,8 +234,29 @@ class _Tried:
         wide = tuple(as_wide(np.logaddexp.reduce(odds, axis=axis), grid) for axis in (1, 0))
         return _One(log_bayes, (wide[0], wide[1]), found[best][1])
 
+    def with_frame(
+        self,
+        odds: GeometryOdds,
+        cables: Bool[np.ndarray, " theta"],
+        markers: Bool[np.ndarray, " theta"],
+        frame: Bool[np.ndarray, " theta"],
+    ) -> GeometryOdds:
+        """The same, or the odds with the frame open as well, where these lead by `ODDS`; cables may then be exact."""
+        wide = odds.factors.markers
+        also = markers if odds.leads and wide is not None else np.zeros_like(markers)
+        held = replace(self, survey=np.where(also, (wide or 1.0) * self.survey, self.survey), beside=also)
+        alone, both = held.of(frame), held.of_both(cables, frame)
+        if max(alone.log_bayes, both.log_bayes) - max(0.0, odds.log_bayes or 0.0) < ODDS:
+            return odds
+        open_markers = wide if also.any() else None
+        if alone.log_bayes - both.log_bayes > ODDS:
+            return GeometryOdds(Factors(None, open_markers, alone.factors[0]), alone.log_bayes, alone.gain)
+        return GeometryOdds(Factors(both.factors[0], open_markers, both.factors[1]), both.log_bayes, both.gain)
+
     def _at(self, sd: Float[np.ndarray, " theta"], free: Bool[np.ndarray, " theta"]) -> tuple[float, float]:
         """Evidence with these standard deviations, and the fall of the sum of squares."""
+        if self.beside is not None:
+            sd, free = np.where(self.beside, self.survey, sd), free | self.beside
         there, temper = self.problem.settled(sd, free)
         gain = (self.before - there.left) / temper
         return 0.5 * (gain - there.strain - there.occam + self.problem.occam_of_body(temper)), gain

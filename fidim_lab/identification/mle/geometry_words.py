@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.identification.mle.evidence import ODDS, Factors
+from fidim_lab.identification.mle.evidence import FRAME, ODDS, Factors
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.results.result import AnchorByEncoder, Geometry, Moved
-from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER
+from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER, TYPICAL_TURN
 from fidim_lab.units import millimetres, plain
 
 TOLD = 3
@@ -82,34 +82,44 @@ def _usual(factors: Factors) -> tuple[str, str]:
     if factors.markers is not None:
         known.append(f"{millimetres(TYPICAL_MARKER):g} mm markers")
         scaled.append(f"{plain(factors.markers * millimetres(TYPICAL_MARKER), 2)} mm for markers")
+    if factors.frame is not None:
+        known.append(f"{millimetres(TYPICAL_TURN):g} mrad gravity and capture frame")
+        scaled.append(f"{plain(factors.frame * millimetres(TYPICAL_TURN), 2)} mrad for gravity and capture frame")
     return f"a usual survey ({', '.join(known)})", " and ".join(scaled)
 
 
 def furthest(told: Geometry, *, explained: bool) -> str:
-    """The pieces that are clearly off, in a sentence.
+    """The pieces that are clearly off, in a sentence: first the frame, which concerns all others.
 
     explained: whether the fit leaves noise alone. Where it does not, pieces move for what is missing, too, and their sd
     know nothing of that: then it is not known which of them are off.
     """
-    off: list[tuple[float, str]] = []
+    off: list[tuple[bool, float, str]] = []
     for one in told.moved:
         sizes = np.abs(one.by) / np.asarray(one.sd)
         k = int(np.argmax(sizes))
         if sizes[k] < CLEARLY:
             continue
-        where = one.what.replace("_", " ") + ("" if one.cable is None else f" of cable {one.cable}")
-        unit = "mrad" if one.what in ANGLES else "mm"
-        shown = ", ".join(_away(value) for value in one.by)
-        off.append((float(sizes[k]), f"{where} by ({shown}) {unit}"))
+        name = "capture frame" if one.what == "frame" else one.what.replace("_", " ")
+        where = name + ("" if one.cable is None else f" of cable {one.cable}")
+        off.append((one.what in FRAME, float(sizes[k]), f"{where} by {_by(one)}"))
     if not off:
         return ""
-    named = [says for _, says in sorted(off, reverse=True)[:TOLD]]
+    named = [says for *_, says in sorted(off, reverse=True)[:TOLD]]
     if explained:
         return f"Clearly wrong: {'; '.join(named)}."
     return (
         f"The fit moved {'; '.join(named)}; but the recordings are not explained, and geometry that is left open takes "
         "up a part of whatever is missing."
     )
+
+
+def _by(one: Moved) -> str:
+    """By how much, with units."""
+    shown = [_away(value) for value in one.by]
+    if one.what == "frame":
+        return f"({', '.join(shown[:3])}) mrad and ({', '.join(shown[3:])}) mm"
+    return f"({', '.join(shown)}) {'mrad' if one.what in ANGLES else 'mm'}"
 
 
 def encoders_say(encoders: Sequence[AnchorByEncoder], moved: Sequence[Moved] = ()) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.choice import soft_mode
+from fidim_lab.identification.cleaning.knocked import moved_in
 from fidim_lab.identification.equations import total_least_squares
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.problem import Problem, build
@@ -130,7 +131,7 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> tu
             # what is missed by little may be the geometry
             surveyed = None if begun.explained or misses_much(begun) else fit_surveyed(begun, windows)
             if surveyed is None or costs_much(surveyed.found, without, name):
-                odd[name] = contradicts(name, begun, without)
+                odd[name] = contradicts(name, begun, without) + moved_in(campaign, name)
                 begun, windows, surveyed = without, others, None
     surveyed = surveyed or fit_surveyed(begun, windows)
     unused = surveyed.found.unused | {w.id: odd[w.id] for w in campaign.of_role(Role.IDENTIFY) if w.id in odd}

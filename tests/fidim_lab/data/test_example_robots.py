@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidim_lab.app.doctor.robot_plausibility import middle_rests, rest
 from fidim_lab.data.records import Pose
 from fidim_lab.data.robot_file import read_robot
+from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 
@@ -28,3 +30,11 @@ def test_a_pendulum_hangs_on_taut_cords(name, cables):
     assert rest.pose.position[2] == pytest.approx(0.4, abs=0.05)
     assert (robot.mass * rest.tensions > 0).all()
     assert robot.mass * rest.tensions.sum() == pytest.approx(robot.mass * 9.81, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["bifilar", "trifilar"])
+def test_an_example_can_be_simulated_and_passes_its_checks(name: str):
+    """The trifilar's main marker, at the rim of its plate, reaches hardly any place that is drawn below the anchors."""
+    robot = read_robot(ROBOTS / f"{name}.toml")
+    assert rest(robot, middle_rests(Mechanism(robot))).ok
+    assert len(random_plan(robot, name, 2, 1, seed=11).windows) == 3

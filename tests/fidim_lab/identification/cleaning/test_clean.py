@@ -12,6 +12,7 @@ from scipy.signal import butter, lfilter, lfilter_zi, sosfiltfilt
 from fidim_lab.data.records import Body, Campaign, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clean import clean_recordings
+from fidim_lab.identification.cleaning.knocked import moved_in
 from fidim_lab.identification.cleaning.low_pass import low_passed
 from fidim_lab.identification.cleaning.repeated import without_held
 from fidim_lab.identification.equations.estimators import Method
@@ -261,6 +262,33 @@ def test_a_knocked_marker_is_missing_from_then_on(recorded: Make, by: float):
     seen = [np.isfinite(w.markers[:, :, 0]).any(axis=0).tolist() for w in found.campaign.windows]
     assert seen == [[True] * 4] * 2 + [[True, True, False, True]] * 3
     assert "Marker 3 is not where the robot file has it in w3, w4, w5" in " ".join(found.notes)
+
+
+@pytest.mark.parametrize("by", [0.0, 0.001, 0.002])
+def test_a_marker_that_is_a_little_aside_is_told_for_a_window_that_contradicts_the_others(recorded: Make, by: float):
+    """Too little to be told from a calibration of cameras, unless the motion contradicts, too."""
+    campaign = recorded(noise=NOISE, cluster=True)
+    windows = list(campaign.windows)
+    aside = windows[2].markers.copy()
+    aside[:, 1] += by * np.array([0.6, -0.64, 0.48])
+    windows[2] = replace(windows[2], markers=aside)
+    spoilt = replace(campaign, windows=tuple(windows))
+    assert clean_recordings(spoilt).recordings.notes == ()
+    says = moved_in(spoilt, "w3")
+    assert says.startswith(" Marker 2 was elsewhere on the body there") if by else not says
+    assert moved_in(spoilt, "w2") == ""
+
+
+def test_what_is_missed_for_a_filter_is_told_as_the_filter_alone(recorded: Make):
+    b, a = butter(2, 4.0, fs=100.0)
+    found = identify(
+        each(recorded(noise=NOISE, cluster=True), lambda seen: lfilter(b, a, seen - seen[0], axis=0) + seen[0]),
+        Method.LS,
+    )
+    assert not found.outcome.answers
+    assert found.answer.verdict.startswith("The markers were low-passed")
+    assert found.answer.next.startswith("Export the markers as the cameras saw them")
+    assert found.warnings == ()
 
 
 @pytest.mark.parametrize(

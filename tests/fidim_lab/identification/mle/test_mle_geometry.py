@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Campaign, Robot, Role, Survey
 from fidim_lab.data.robot_file import read_robot, write_robot
@@ -86,6 +87,29 @@ def test_a_marker_that_is_elsewhere_is_found_and_the_cables_stay_exact(campaign:
     )
     assert told.outcome is ResultOutcome.MISFIT
     assert any("marker by" in warning and "are not explained" in warning for warning in told.warnings)
+
+
+@pytest.mark.parametrize("anchors", [0.0, 1e-3], ids=["nothing else", "a usual survey"])
+def test_a_capture_that_is_not_level_is_found_and_named(anchors: float, campaign: Campaign, true_body: Body) -> None:
+    """Anchors took up a part of it before: the body was wrong by 7 and 19 ±."""
+    robot = moved(campaign.robot, anchors=anchors, attachments=0.5 * anchors, seed=3)
+    level = Rotation.from_rotvec([3e-3, -2e-3, 0.0]).as_matrix() @ campaign.robot.gravity
+    found = identified(replace(campaign, robot=replace(robot, gravity=level)))
+    assert found.geometry is not None
+    (gravity,) = (one for one in found.geometry.moved if one.what == "gravity")
+    (frame,) = (one for one in found.geometry.moved if one.what == "frame")
+    np.testing.assert_allclose(np.add(gravity.by, frame.by[:2]), [-3e-3, 2e-3], atol=1e-3)
+    assert any(one.what == "anchor" for one in found.geometry.moved) is bool(anchors)
+    assert np.abs(errors(found, true_body)).max() < 4
+    assert found.outcome is ResultOutcome.CONVERGED
+    assert any("gravity and capture frame" in warning for warning in found.warnings)
+
+
+def test_a_capture_that_is_turned_is_told_in_its_units() -> None:
+    frame = Moved("frame", None, (3.5e-3, 0.0, 1e-4, 2e-3, 0.0, -1e-3), (1e-4,) * 6)
+    anchor = Moved("anchor", 2, (1e-3, 0.0, 0.0), (1e-5,) * 3)
+    says = furthest(Geometry(1.0, (anchor, frame)), explained=True)
+    assert says.startswith("Clearly wrong: capture frame by (+3.5, 0, +0.1) mrad and (+2, 0, -1) mm; anchor of cable 2")
 
 
 def test_a_result_brings_each_of_several_markers_to_its_place(irma4: Robot) -> None:
