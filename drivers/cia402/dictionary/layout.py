@@ -256,7 +256,9 @@ def _records(registers: Registers, config: WinchConfig, like: PdoMap) -> tuple[l
                 f"read only and {kind.default}, not {like.transmission}{_OWN_TIME * pdo.transmit}",
             )
         elif pdo.cob_fixed and not _predefined(cob, pdo, config.node_id):
-            useless.add(f"{pdo.communication_index:04X}:1", "read only, and another identifier than the standard's")
+            off = cob.default is not None and cob.default & COB_OFF
+            why = "read only, and switched off" if off else "read only, and another identifier than the standard's"
+            useless.add(f"{pdo.communication_index:04X}:1", why)
         elif not places and not fixed:
             useless.add(f"{pdo.mapping_index:04X}", "read only, and the file does not say what it maps")
         else:

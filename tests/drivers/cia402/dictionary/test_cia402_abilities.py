@@ -151,6 +151,16 @@ def test_what_cannot_be_carried_is_named_once_and_never_without_a_name():
     assert "carries  (" not in problem
 
 
+@pytest.mark.parametrize(
+    ("identifier", "says"),
+    [(0x80000183, "read only, and switched off"), (0x1FF, "read only, and another identifier than the standard's")],
+)
+def test_a_pdo_whose_identifier_cannot_be_written_is_refused_for_what_it_is(identifier, says):
+    od = dictionary((8,))
+    od[0x1800][1].access_type, od[0x1800][1].default = "ro", identifier
+    assert f"1800:1: {says}" in abilities(od, config()).layout.problem
+
+
 MODES = {
     "no ramps, but cyclic": ({"6060:0", "6061:0", "60C2:1", "60C2:2"}, None, "", 'set mode = "cyclic-position"'),
     "6502 without profile position": (
