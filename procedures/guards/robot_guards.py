@@ -171,10 +171,40 @@ class TensionGuard:
         return which in self._since and t - self._since[which] >= lasting
 
 
+REPEATED, KEPT = 10, 3000
+"""frames in a row that are exactly those of an earlier stretch, in its order; how many are remembered (30 s at 100 Hz).
+Swings of a minute, in digits of 1 mm to 0.01 mm and with noise of 0 to 0.3 mm, repeated at most 5 in their order"""
+
+
+class _Repetition:
+    """Whether a stream sends old places of the main marker under new numbers: from then on all that it says is late."""
+
+    def __init__(self) -> None:
+        self._first: dict[tuple[float, float, float], int] = {}
+        self._number: int | None = None
+        self._lag = self._count = 0
+
+    def look(self, frame: MarkerFrame | None) -> str:
+        """What is wrong in words; empty where nothing is."""
+        if frame is None or frame.main is None or frame.number == self._number:
+            return ""
+        self._number = frame.number
+        lag = frame.number - self._first.setdefault(frame.main, frame.number)
+        self._lag, self._count = lag, self._count + 1 if lag == self._lag else 1
+        if len(self._first) > KEPT:
+            del self._first[next(iter(self._first))]
+        if lag <= 0 or self._count < REPEATED:
+            return ""
+        return (
+            f"motion capture sends the places of {lag} frames before once more, under new numbers: all it says is late"
+        )
+
+
 class MarkerGuard:
     """The main marker gives no new position: the stream is silent, the marker is occluded, or its value is frozen.
 
-    Not counted while somebody handles the platform and may stand before a camera.
+    Not counted while somebody handles the platform and may stand before a camera. A stream that begins to send old
+    places as new ones counts at any time but while a window is recorded, whose check rejects it.
     """
 
     name = "marker"
@@ -186,9 +216,12 @@ class MarkerGuard:
         self._number: int | None = None
         self._new_at: float | None = None
         self._why = ""
+        self._repetition = _Repetition()
 
     def look(self, seen: Observation) -> str | None:
-        """Whether the last new position is too long ago."""
+        """Whether the last new position is too long ago, or old ones come again."""
+        if (says := self._repetition.look(seen.frame)) and seen.phase is not Phase.RECORDING:
+            return says
         if self._new_at is None or seen.phase is Phase.HANDLING or self._is_new(seen.frame):
             self._new_at = seen.t
         lost = seen.t - self._new_at
