@@ -17,6 +17,8 @@ from fidim_lab.units import millimetres, plain
 
 MOST_CAUSES = 3
 """listed in a part; the tables have all"""
+MOST_WORDS = 54
+"""of a part, less those that say what is left out: "under 60" is promised"""
 MOST_SIZES = 2
 """parameters listed of each"""
 MOST_MEMBERS = 2
@@ -40,11 +42,21 @@ def with_answer(told: Explanation) -> Explanation:
     names = ", ".join(dict.fromkeys(_class(cause) for cause in told.effects))
     answer = ShortAnswer(
         verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
-        certain=" ".join(dict.fromkeys(_certain(told))) or "Nothing beyond the verdict.",
-        not_known=" ".join([*_doubtful(told), *_open(told.effects)]) or _all_told(told),
+        certain=_short(_certain(told)) or "Nothing beyond the verdict.",
+        not_known=_short([*_doubtful(told), *_open(told.effects)]) or _all_told(told),
         next=_next(told),
     )
     return replace(told, answer=answer)
+
+
+def _short(said: Iterable[str]) -> str:
+    """The first of these, each whole, as far as they go; how many are left out is said."""
+    told, words = list(dict.fromkeys(said)), 0
+    for k, one in enumerate(told):
+        words += len(one.split())
+        if words > MOST_WORDS and k > 0:
+            return f"{' '.join(told[:k])} {len(told) - k} more in the tables."
+    return " ".join(told)
 
 
 def _figures(told: Explanation) -> str:
@@ -67,8 +79,6 @@ def _figures(told: Explanation) -> str:
 
 def _certain(told: Explanation) -> Iterable[str]:
     """Single names with their sizes, classes by what they share, and the geometry."""
-    if told.verdict is not Verdict.UNKNOWN_PHYSICS:
-        yield from (reading.says for reading in told.readings)
     drifts = {reading.id for reading in told.readings}
     for cause in [cause for cause in told.effects if cause.id not in drifts][:MOST_CAUSES]:
         if cause.single:
@@ -77,6 +87,8 @@ def _certain(told: Explanation) -> Iterable[str]:
             shared = shared_by((cause.id, *(member.id for member in cause.members)))
             if shared is not None:
                 yield f"{shared[0].upper()}{shared[1:]}, whatever its place."
+    if told.verdict is not Verdict.UNKNOWN_PHYSICS:
+        yield from (reading.says for reading in told.readings)
     if told.law:
         yield f"It acts like {', '.join(f'{term.like}{_sizes(term.parameters)}' for term in told.law)}."
     if told.geometry is not None and told.geometry.moved:

@@ -27,8 +27,9 @@ from fidim_lab.mismatch.session.kinds import (
     SCATTER,
     STEP,
 )
+from fidim_lab.mismatch.session.load import PointLoad
 from fidim_lab.model.sensitivity.equations import BODY
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 NOISE = "marker-noise"
 PLACE, MOMENTS = ("m",) * 3, ("m²",) * 6
@@ -116,19 +117,19 @@ def _words(error: SessionChange, changes: SessionChanges) -> str:
     where = f", cable {kind.cable}" if kind.cable is not None else ""
     since = f", from window {kind.first} on" if kind.first is not None else ""
     since = f", window {kind.first}" if kind.id == BODY_ONCE else since
+    load = changes.load(error) if kind.is_body else None
     if kind.is_scatter:
         sizes = f"{millimetres(error.size):.2g} mm"
+    elif load is not None:
+        sizes = _as_a_load(load)
     else:
         rows = list(zip(kind.names, error.theta, error.sd, strict=True))[: len(PLACE) if kind.is_body else None]
         sizes = ", ".join(f"{name} {millimetres(value):+.2g} ± {millimetres(sd):.1g} mm" for name, value, sd in rows)
-    return f"{SAYS[kind.id]}{where}{since}: {sizes}{_as_a_load(error, changes)}."
+    return f"{SAYS[kind.id]}{where}{since}: {sizes}."
 
 
-def _as_a_load(change: SessionChange, changes: SessionChanges) -> str:
-    load = changes.load(change) if change.kind.is_body else None
-    if load is None:
-        return ""
-    at = ", ".join(f"{millimetres(value):.1f}" for value in load.at)
-    sd = ", ".join(f"{millimetres(value):.1g}" for value in load.at_sd)
+def _as_a_load(load: PointLoad) -> str:
+    at = ", ".join(plain(millimetres(value)) for value in load.at)
+    sd = ", ".join(plain(millimetres(value), 1) for value in load.at_sd)
     share = f"{100 * load.share:+.2f} ± {100 * load.share_sd:.1g} %"
-    return f", as a load of {share} of the platform's mass at ({at}) ± ({sd}) mm from P makes it"
+    return f"a load of {share} of the platform's mass at ({at}) ± ({sd}) mm from P"

@@ -7,7 +7,14 @@ import pytest
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.mismatch.conclusion.answer import with_answer
-from fidim_lab.mismatch.conclusion.explanation import ClassMember, Explanation, NamedCause, ShortAnswer, Verdict
+from fidim_lab.mismatch.conclusion.explanation import (
+    ClassMember,
+    Explanation,
+    NamedCause,
+    Reading,
+    ShortAnswer,
+    Verdict,
+)
 from fidim_lab.mismatch.conclusion.parts import Before, EffectParameter, HeldOutFigures, LawTerm
 from fidim_lab.mismatch.residuals.channels import Channel
 
@@ -28,6 +35,7 @@ def answer(told: Explanation) -> ShortAnswer:
     found = with_answer(told).answer
     assert found is not None
     assert sum(len(said.split()) for _, said in found.parts) < 120
+    assert max(len(said.split()) for _, said in found.parts) < 60
     return found
 
 
@@ -53,6 +61,17 @@ def test_of_sizes_without_spread_the_largest_are_told() -> None:
     steady = {name: EffectParameter(value, None, unit) for name, (value, unit) in forces.items()}
     cause = replace(EITHER, members=(ClassMember("constant-force", None, 0.0, steady),))
     assert "constant-force: fz = 0.16 N, fx = -0.008 N" in answer(explanation(Verdict.EXPLAINED, cause)).not_known
+
+
+def test_a_part_ends_with_how_many_are_left_out() -> None:
+    """A body that changes, told at length, after an effect and before the geometry."""
+    step = "The body changes between two windows, from window i02 on: " + "very " * 45 + "much."
+    reading = Reading("body-step", None, (), {}, step, "Fasten whatever may have shifted.")
+    moved = Geometry(10.0, (Moved("anchor", 1, (2e-3, -2e-3, 2e-3), (1e-4,) * 3),))
+    told = answer(replace(explanation(Verdict.EXPLAINED, SWIVEL), readings=(reading,), geometry=moved))
+    assert told.certain == "swivel-friction: c = 0.01 ± 0.0002 N m. 2 more in the tables."
+    alone = answer(replace(explanation(Verdict.EXPLAINED), readings=(reading,)))
+    assert alone.certain == step, "the first is told, however long"
 
 
 def test_a_channel_that_shows_more_than_the_markers_is_told() -> None:
