@@ -35,7 +35,7 @@ def own_sensors(window: Window, cables: int) -> OwnSensors:
     Raises SetupError, naming window and columns, where swivel angles or lengths are missing, or where fewer than six
     readings a sample leave the pose open.
     """
-    names = [f"s{cable}" for cable in range(1, cables + 1)]
+    names = swivel_names(cables)
     missing = [name for name in names if name not in window.further]
     if missing:
         raise SetupError(
@@ -60,6 +60,19 @@ def own_sensors(window: Window, cables: int) -> OwnSensors:
     swivels = np.column_stack([window.further[name] for name in names])
     inclination = np.column_stack([window.further[name] for name in axes]) if axes else np.empty((len(window.t), 0))
     return OwnSensors(window.lengths, swivels, inclination)
+
+
+def swivel_names(cables: int) -> list[str]:
+    """Columns of the swivels' encoders."""
+    return [f"s{cable}" for cable in range(1, cables + 1)]
+
+
+def swivel_angles(window: Window, cables: int) -> CableSeries | None:
+    """(N, n) rad, each with a constant of its own; None where not every cable has its column."""
+    names = swivel_names(cables)
+    if not all(name in window.further for name in names):
+        return None
+    return np.column_stack([window.further[name] for name in names])
 
 
 RATES = ("rate_x", "rate_y", "rate_z")

@@ -19,7 +19,7 @@ from fidim_lab.mismatch.budget import Budget
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.restored import without_needless, without_needless_contacts
 from fidim_lab.mismatch.conclusion.answer import with_answer
-from fidim_lab.mismatch.conclusion.certainty import only_certain
+from fidim_lab.mismatch.conclusion.certainty import only_certain, with_swivels
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.conclusion.message import body_parameters, tell
@@ -92,6 +92,7 @@ def explain(
             if completed is not None:
                 shown = completed
                 audited = without_needless_contacts(cleaned, audited, completed)
+    whole = with_swivels(whole, shown)
     whole = replace(whole, seconds=perf_counter() - begin, work=budget.work, channels=channels(shown))
     return with_answer(only_certain(with_cleaning(whole, audited)))
 

@@ -13,12 +13,15 @@ from fidim_lab.app.records.import_readings import FEW
 from fidim_lab.data.alignment import align_clocks
 from fidim_lab.data.importers.reading import EPOCH
 from fidim_lab.data.importers.takes import EncoderLog, Take
+from fidim_lab.data.own_sensors import swivel_names
 from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.model.mechanism import Mechanism
 
+NOT_ALIGNED = "clocks not aligned: the log begins with the take"
 TRUSTED_CLOCK = 0.9
-"""correlation of swivel angles above which log and markers are brought to one clock"""
+"""correlation of swivel angles above which log and markers are brought to one clock: of two cables at least, for a
+swivel may stick; of two that are exchanged hardly any reaches it, never two"""
 
 ALL_ORDERS = 4
 """cables, of which all 24 orders are tried; 120 of five took too long where none fits"""
@@ -106,14 +109,27 @@ class FromLog:
     """why the log cannot be meant; empty where nothing speaks against it"""
     zeros: np.ndarray | None = None
     """(n,) m, what was added to the log's lengths; None without a log, or with one in doubt"""
+    swivels: np.ndarray | None = None
+    """(N, n) rad; None without any, or where the log's clock is not known"""
+
+    @property
+    def further(self) -> dict[str, np.ndarray]:
+        """Columns of the window."""
+        return (
+            {} if self.swivels is None else dict(zip(swivel_names(self.swivels.shape[1]), self.swivels.T, strict=True))
+        )
 
 
 def without_log(window: Window, *, currents: bool) -> Window:
-    """An imported window without the lengths of its log: as the poses have them at the median. currents: with these."""
+    """An imported window without the lengths of its log: as the poses have them at the median.
+
+    currents: with these, and with the angles of the swivels.
+    """
     held = window.lengths
     if held is not None:  # the log's zeros are such that their median is what the poses say
         held = np.tile(np.nanmedian(held, axis=0), (len(window.t), 1))
-    return replace(window, lengths=held, currents=window.currents if currents else None, encoder_zeros=None)
+    kept = window if currents else replace(window, currents=None, further={})
+    return replace(kept, lengths=held, encoder_zeros=None)
 
 
 def compared(mechanism: Mechanism, take: Take, posed: PosedTake, windows: Sequence[np.ndarray]) -> LogLengths | None:
@@ -163,13 +179,17 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
     if np.isfinite(counted).all(axis=1).mean() < COVERED:
         what = f"{take.log.source.name} does not reach over this window: lengths are the median of what the poses say"
         return FromLog(np.tile(held, (int(rows.sum()), 1)), None, what)
-    currents = None if take.log.currents is None else _at(take.log, take.log.currents, at)
+    currents, swivels = (
+        None if columns is None else _at(take.log, columns, at) for columns in (take.log.currents, take.log.swivels)
+    )
     zeros = held - np.nanmedian(counted, axis=0)
     seen = mechanism.lengths(posed.positions[known], posed.rotations[known])
     doubt = too_much_motion(counted, seen)
     words = f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
     doubted = f"{take.log.source.name}: {doubt}" if doubt else ""
-    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros)
+    if clock == NOT_ALIGNED:
+        swivels = None
+    return FromLog(counted + zeros, currents, words, doubted, None if doubt else zeros, swivels)
 
 
 def too_much_motion(counted: np.ndarray, seen: np.ndarray) -> str:
@@ -205,12 +225,15 @@ def _offset(
         angles = np.full((len(posed.t), mechanism.robot.n), np.nan)
         angles[known] = mechanism.swivel_angles(posed.positions[known], posed.rotations[known])
         for order in orders or [range(mechanism.robot.n)]:
+            read = log.swivels[:, list(order)]
             try:
-                clock = align_clocks(posed.t, angles, log.t, log.swivels[:, list(order)])
+                clock = align_clocks(posed.t, angles, log.t, read)
             except RefusedError:
                 break
-            if clock.correlation > TRUSTED_CLOCK:
-                return clock.offset, "clocks aligned by swivel angles"
+            alike = clock.correlations > TRUSTED_CLOCK
+            if alike.sum() >= min(2, len(alike)):
+                told = align_clocks(posed.t, angles[:, alike], log.t, read[:, alike])
+                return told.offset, "clocks aligned by swivel angles"
     if _spans(log, take) and take.markers.began is not None:
         return take.markers.began, "clocks by the time of day in both files"
-    return float(log.t[0] - posed.t[0]), "clocks not aligned: the log begins with the take"
+    return float(log.t[0] - posed.t[0]), NOT_ALIGNED

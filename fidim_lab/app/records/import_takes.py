@@ -157,6 +157,7 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
                 posed.markers[rows],
                 by_log.lengths,
                 by_log.currents,
+                further=by_log.further,
                 lengths_by_poses=True,
                 encoder_zeros=by_log.zeros,
             )

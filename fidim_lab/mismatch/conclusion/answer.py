@@ -26,6 +26,7 @@ MOST_MEMBERS = 2
 NOT_WHITE = {
     "lengths": "Why cable lengths change within windows although the winches are held.",
     "currents": "Why motor currents do not follow the tensions of the model: friction at the winches, for example.",
+    "swivels": "Why the swivels do not follow their cables: one that sticks, for example.",
 }
 """said of a channel that shows more than noise, where the markers show no more"""
 HEADS = {

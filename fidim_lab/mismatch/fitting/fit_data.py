@@ -157,7 +157,7 @@ def shortened(window: Window, seconds: float) -> Window:
     if not len(seen):
         return window
     last = int(np.searchsorted(window.t, window.t[seen[0]] + seconds + 1e-9, side="right"))
-    return replace(window, further={}).of_rows(slice(last))
+    return window.of_rows(slice(last))
 
 
 def _recorded(short: FollowedSamples, window: Window) -> FollowedSamples:

@@ -5,6 +5,8 @@
                means less the lengths that the fitted motion has
     currents   what a + b τ leaves, τ being the tensions of the fitted motion: within a window with its own a and b,
                from window to window with those that each motor has in all
+    swivels    encoders of the pulleys' swivels less the angles of the fitted motion, with a zero and a delay: within
+               a window its own, from window to window one zero
 
 A drift, a jump or another session shows in the order of the windows.
 """
@@ -19,8 +21,13 @@ from scipy.special import betainc
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.residuals.currents import CurrentCourse, courses
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
+from fidim_lab.mismatch.residuals.swivels import swivels
+from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.mismatch.thresholds import SHARED
+
+OF_ANOTHER_CLOCK = ("currents", "swivels")
+"""channels that were interpolated to the markers' times"""
 
 
 @dataclass(frozen=True)
@@ -37,10 +44,13 @@ class Channel:
 
 def channels(found: Fit) -> tuple[Channel, ...]:
     """Of the windows that were fitted; those that were not recorded are not listed."""
-    measured = [_markers(found), _lengths(found), _currents(found)]
-    return tuple(
-        _tested(name, *one) for name, one in zip(("markers", "lengths", "currents"), measured, strict=True) if one
-    )
+    measured = {
+        "markers": _markers(found),
+        "lengths": _lengths(found),
+        "currents": _currents(found),
+        "swivels": _swivels(found),
+    }
+    return tuple(_tested(name, *one) for name, one in measured.items() if one is not None)
 
 
 def trend(values: Float[np.ndarray, "W K"]) -> float | None:
@@ -65,7 +75,7 @@ def trend(values: Float[np.ndarray, "W K"]) -> float | None:
 
 
 def _tested(name: str, leftovers: Sequence[Leftover], means: Float[np.ndarray, "W K"]) -> Channel:
-    found = whiteness(leftovers)
+    found = whiteness(leftovers, coloured=RESIDUALS.whiteness_interpolated if name in OF_ANOTHER_CLOCK else 1.0)
     return Channel(name, found.is_white, found.p_value, trend(means))
 
 
@@ -106,8 +116,7 @@ def _currents(found: Fit) -> _Measured | None:
     for window, ours in zip(windows, all_courses, strict=True):
         values = np.full((len(window.t), likelihood.mechanism.n), np.nan)
         for one in ours:
-            rest = _rest(one.tension(one.t), one.current)
-            values[one.rows, one.cable] = rest / max(float(rest.std()), np.finfo(float).tiny)
+            values[one.rows, one.cable] = _by_scatter(_rest(one.current, one.tension(one.t)))
         if ours:
             left.append(_leftover(window.id, window.t, values[:, [one.cable for one in ours]]))
     columns = [column for k in range(likelihood.mechanism.n) if (column := _by_window(all_courses, k)) is not None]
@@ -118,10 +127,15 @@ def _leftover(window: str, t: np.ndarray, values: Float[np.ndarray, "T n"]) -> L
     return Leftover(window, t, values[:, :, np.newaxis], noise=1.0, own=0)
 
 
-def _rest(tension: Float[np.ndarray, " T"], current: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
-    """What a + b τ leaves."""
-    columns = np.column_stack([np.ones(len(tension)), tension])
-    return current - columns @ np.linalg.lstsq(columns, current, rcond=None)[0]
+def _rest(values: Float[np.ndarray, " T"], of: Float[np.ndarray, " T *K"]) -> Float[np.ndarray, " T"]:
+    """What a + b `of` leaves, with a b of each column."""
+    columns = np.column_stack([np.ones(len(of)), of])
+    return values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+
+
+def _by_scatter(rest: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+    """Over its own standard deviation: the noise of this channel is not stated."""
+    return rest / max(float(rest.std()), np.finfo(float).tiny)
 
 
 def _by_window(all_courses: Sequence[Sequence[CurrentCourse]], cable: int) -> Float[np.ndarray, " W"] | None:
@@ -129,6 +143,23 @@ def _by_window(all_courses: Sequence[Sequence[CurrentCourse]], cable: int) -> Fl
     ours = [one for window in all_courses for one in window if one.cable == cable]
     if len(ours) < len(all_courses):
         return None
-    rest = _rest(np.concatenate([one.tension(one.t) for one in ours]), np.concatenate([one.current for one in ours]))
+    rest = _rest(np.concatenate([one.current for one in ours]), np.concatenate([one.tension(one.t) for one in ours]))
     ends = np.cumsum([len(one.t) for one in ours])
     return np.array([part.mean() for part in np.split(rest, ends[:-1])])
+
+
+def _swivels(found: Fit) -> _Measured | None:
+    n = found.likelihood.mechanism.n
+    shown = swivels(found)
+    left: list[Leftover] = []
+    for one in shown:
+        window = one.window
+        values = np.full((len(window.t), n), np.nan)
+        for k in range(n):
+            seen = np.isfinite(one.off[:, k])
+            if seen.sum() >= SHARED.samples:
+                late = np.column_stack([one.rates[seen, k], one.curves[seen, k]])
+                values[one.rows[seen], k] = _by_scatter(_rest(one.off[seen, k], late))
+        left.append(_leftover(window.id, window.t, values))
+    means = np.array([np.nanmean(one.off, axis=0) for one in shown]).reshape(-1, n)
+    return (left, means[:, np.isfinite(means).all(axis=0)]) if left else None

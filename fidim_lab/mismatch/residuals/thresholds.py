@@ -66,6 +66,9 @@ class ResidualThresholds:
     """of the noise's variance that a vibration must have: steps of integration leave ripples of 0.005"""
     whiteness_white: float = 1e-3
     """p-value from which on a remainder is called white"""
+    whiteness_interpolated: float = 3.0
+    """times the variance above the last edge that noise may have below it: readings of another clock were interpolated,
+    which takes up to 2.6 away there at 100 Hz"""
     fewest_reference: int = 100
     """degrees of freedom above the last edge; with fewer the declared noise is believed"""
 

@@ -93,8 +93,11 @@ def _taken(leftover: Leftover, weight: np.ndarray) -> np.ndarray:
     return weight * (np.abs(np.fft.rfft(spread, axis=0)) ** 2).sum(axis=2) / len(spread)
 
 
-def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
-    """Test all windows together. With nothing to test, p = 1."""
+def whiteness(leftovers: Sequence[Leftover], *, coloured: float = 1.0) -> Whiteness:
+    """Test all windows together. With nothing to test, p = 1.
+
+    coloured: times by which the variance of noise may be more at low frequencies than where its level is read.
+    """
     spectra = [spectrum(one) for one in leftovers if one.count > 0 and len(one.t) > 3]
     ids = [one.window for one in leftovers if one.count > 0 and len(one.t) > 3]
     if not spectra:
@@ -102,6 +105,7 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
             1.0, 1.0, (0.0, RESIDUALS.whiteness_edges[-1]), None, 0.0, 1.0, "There is no residual to test."
         )
     level, reference = _noise_level(spectra)
+    level *= coloured
     found = np.array([[_band(s, low, high) for low, high in _bands()] for s in spectra])  # W, B, (χ², dof)
     total, narrow = found.sum(axis=0), _narrow_bands(spectra)
     fast = np.array([[_band(s, low, high) for low, high in narrow] for s in spectra]).sum(axis=0)
