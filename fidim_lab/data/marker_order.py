@@ -12,6 +12,8 @@ ALIKE = 0.015
 CLEAR = 2.0
 """times as badly must the second-best order fit, or the markers' own order decides"""
 MOST_ORDERS = 50_000
+WHOLE = 0.5
+"""of the samples in which one of many markers must be seen: others are pieces of trajectories"""
 BLOCK = 1000
 """orders looked at together: with 1000 markers of which 5 are wanted they take 32 MB"""
 
@@ -33,12 +35,12 @@ def order_of(markers: np.ndarray, body: np.ndarray) -> tuple[tuple[int, ...], fl
     count = markers.shape[1]
     if count < len(body):
         raise RefusedError(f"{count} markers were recorded; the robot file has {len(body)}.")
-    few = perm(count, len(body)) <= MOST_ORDERS
-    orders = (
-        list(permutations(range(count), len(body)))
-        if few
-        else _among_many(np.where(varies <= ALIKE, between, np.nan), wanted)
-    )
+    if perm(count, len(body)) <= MOST_ORDERS:
+        orders = list(permutations(range(count), len(body)))
+    else:
+        whole = np.isfinite(markers).all(axis=2).mean(axis=0) >= WHOLE
+        steady = (varies <= ALIKE) & whole & whole[:, np.newaxis]
+        orders = _among_many(np.where(steady, between, np.nan), wanted)
     pairs, misfits = np.array([_misfit(between[np.ix_(order, order)] - wanted) for order in orders]).T
     most = pairs.max()
     if 2 * most < comb(len(body), 2):
