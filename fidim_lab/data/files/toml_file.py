@@ -136,7 +136,10 @@ def _problem(location: tuple[int | str, ...], sentence: str, error: Any, keys: d
     found = error["input"]
     match error["type"]:
         case "extra_forbidden":
-            return place, f"{sentence}; {_meant(str(error['loc'][-1]), _inside(keys, error['loc'][:-1]))}"
+            name = str(error["loc"][-1])
+            inner = len(error["loc"]) > 1
+            other = _elsewhere(name, keys, inner=inner)
+            return place, f"{sentence}; {other or _meant(name, _inside(keys, error['loc'][:-1]))}"
         case "missing" if isinstance(found, list):  # a tuple that ended too early
             wanted = [one["minItems"] for one in _at(keys, error["loc"][:-1]) if "minItems" in one]
             says = f", {wanted[0]} are wanted" if wanted else ""
@@ -144,6 +147,18 @@ def _problem(location: tuple[int | str, ...], sentence: str, error: Any, keys: d
             return place_words(error["loc"][:-1]), f"{few} too few{says}"
         case _:
             return place, sentence
+
+
+def _elsewhere(name: str, keys: dict[str, Any], *, inner: bool) -> str:
+    """Where a key of a table belongs above all tables, or the other way round; else empty."""
+    if inner:
+        return "it belongs above all tables" if name in keys.get("properties", {}) else ""
+    for table, schema in keys.get("properties", {}).items():
+        for one in _choices(schema, keys):
+            inside = _choices(one["items"], keys) if isinstance(one.get("items"), dict) else [one]
+            if any(name in found.get("properties", {}) for found in inside):
+                return f"it belongs into {f'[[{table}]]' if 'items' in one else f'[{table}]'}"
+    return ""
 
 
 def _meant(name: str, known: list[str]) -> str:

@@ -180,3 +180,17 @@ def test_a_counter_that_was_reset_is_told(tmp_path: Path):
         "cable 1 jumps by -1.3 m within a sample, 0.40 s after the log's begin: its counter was reset, or readings are "
         "wrong there"
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('time = "t"\nlength_unit = "mm"\n[[cable]]\nlength = "l1"\n', r"it belongs into \[\[cable\]\]"),
+        ('time = "t"\n[[cable]]\nlength = "l1"\ntime_unit = "ms"\n', "it belongs above all tables"),
+    ],
+)
+def test_a_key_in_another_table_is_told_where_it_belongs(text: str, says: str, tmp_path: Path):
+    columns = tmp_path / "log.toml"
+    columns.write_text(f'format = "fidim-log/1"\n{text}', "utf-8")
+    with pytest.raises(FileError, match=rf"_unit: unknown key; {says}"):
+        read_robot_log(tmp_path / "log.csv", 1, columns)
