@@ -72,8 +72,10 @@ def _weighed(exact: Fit, windows: list[Window], open_once: Factors) -> Surveyed:
     found = None if begun is None else continued(exact, opened)
     found = _opened(exact.likelihood.mechanism, windows, opened) if found is None else found
     says = weighed(exact, found, _usual(robot, ONCE if first.frame else NO_FRAME))
-    if first.frame and (says.factors.exact or not found.settled or fall(exact, found) < HALF * says.chi2_gain):
-        return _weighed(exact, windows, NO_FRAME)  # a frame that is far off is not reached at once, but anchors may be
+    if first.frame and not found.explained:  # a frame that is far off is not reached at once, but anchors may be
+        other = _weighed(exact, windows, NO_FRAME)
+        if says.factors.exact or not found.settled or other.found.chi2_per_dof < found.chi2_per_dof:
+            return other
     if says.factors.exact or (exact.settled and not found.settled):
         return Surveyed(exact, (), says)
     if not says.factors.near(first):
