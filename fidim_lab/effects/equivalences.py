@@ -206,9 +206,10 @@ WIDER: Mapping[str, tuple[str, ...]] = {
 """what several of these have in common"""
 
 
-def holds_others(id: str) -> bool:
-    """Whether an effect can do exactly what some other one does, so that no free motion ever proves it alone."""
-    return any(one.kind is Likeness.CONTAINED and one.ids[0] == id for one in EQUIVALENCES)
+def held_by(id: str) -> tuple[str, ...]:
+    """Effects of which one can do exactly what they do, so that no free motion ever proves it alone."""
+    held = (one.ids[1:] for one in EQUIVALENCES if one.kind is Likeness.CONTAINED and one.ids[0] == id)
+    return tuple(other for ids in held for other in ids)
 
 
 def shared_by(ids: Iterable[str]) -> str | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from math import floor, isfinite, log10
 
-from fidim_lab.effects.equivalences import shared_by
+from fidim_lab.effects.equivalences import held_by, shared_by
 from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.identification.results.result import ShortAnswer
 from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, Verdict
@@ -85,7 +85,7 @@ def _certain(told: Explanation) -> Iterable[str]:
         if cause.single:
             yield f"{_name(cause)}{_sizes(cause.parameters)}."
         else:
-            shared = shared_by((cause.id, *(member.id for member in cause.members)))
+            shared = shared_by(_alike(cause))
             if shared is not None:
                 yield f"{shared[0].upper()}{shared[1:]}, whatever its place."
     if told.verdict is not Verdict.UNKNOWN_PHYSICS:
@@ -123,7 +123,7 @@ def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
         for member in cause.likely[:MOST_MEMBERS]:
             members.append(f"{member.id}{_sizes(member.parameters)}")
         if len(members) == 1:
-            members.append("an effect that is not listed")
+            members += held_by(cause.id)[:MOST_MEMBERS] or ("an effect that is not listed",)
         else:
             members[-1] += f" ({100 * cause.weights[0]:.0f} % for the first)"
         yield f"Whether it is {' or '.join(members)}."
@@ -133,7 +133,12 @@ def _class(cause: NamedCause) -> str:
     """A single name, or what a class shares."""
     if cause.single:
         return _name(cause)
-    return shared_by((cause.id, *(member.id for member in cause.members))) or f"{_name(cause)} or a similar effect"
+    return shared_by(_alike(cause)) or f"{_name(cause)} or a similar effect"
+
+
+def _alike(cause: NamedCause) -> tuple[str, ...]:
+    """Ids of the cause, of its members, and of what the cause can do in any data."""
+    return (cause.id, *(member.id for member in cause.members), *held_by(cause.id))
 
 
 def _name(cause: NamedCause) -> str:

@@ -13,7 +13,7 @@ from itertools import combinations
 
 from fidim_lab.effects.dissipation.pulley_friction import SwivelFriction
 from fidim_lab.effects.effect import HandContact
-from fidim_lab.effects.equivalences import holds_others, shared_by
+from fidim_lab.effects.equivalences import held_by, shared_by
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
@@ -29,7 +29,7 @@ def only_certain(told: Explanation) -> Explanation:
     """
     laws = [cause for cause in told.effects if cause.id != HandContact.id]
     alike = any(shared_by((one.id, other.id)) for one, other in combinations(told.effects, 2))
-    rivalled = any(holds_others(cause.id) or not cause.single for cause in laws)
+    rivalled = any(held_by(cause.id) or not cause.single for cause in laws)
     few = len(laws) < CONCLUSION.certainty_many
     certain = told.verdict is Verdict.EXPLAINED and few and not alike and not rivalled
     return replace(told, effects=tuple(replace(one, single=one.single and certain) for one in told.effects))

@@ -111,6 +111,15 @@ def test_a_class_is_told_by_what_its_members_share_each_with_its_size() -> None:
     assert "design --after" in found.next
 
 
+def test_a_steady_force_is_never_certain_for_gravity_may_be_tilted() -> None:
+    """As on the paper's takes with two cables: no rival was left, and the force was told as a fact."""
+    steady = NamedCause("constant-force", None, (), {"fx": EffectParameter(0.11, 0.02, "N")}, "says")
+    found = answer(explanation(Verdict.PARTLY_EXPLAINED, steady))
+    assert "constant-force or a similar effect" in found.verdict
+    assert found.certain == "Nothing beyond the verdict."
+    assert found.not_known == "Whether it is constant-force: fx = 0.11 ± 0.02 N or gravity-tilt or clock-rate."
+
+
 def test_what_is_told_holds_95_percent_of_the_weight() -> None:
     near, far = replace(ROTATION, loss=0.0), replace(ROTATION, id="swivel-damping", loss=4.0)
     cause = replace(EITHER, members=(near, far))
