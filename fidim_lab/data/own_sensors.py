@@ -35,9 +35,9 @@ def own_sensors(window: Window, cables: int) -> OwnSensors:
     Raises SetupError, naming window and columns, where swivel angles or lengths are missing, or where fewer than six
     readings a sample leave the pose open.
     """
-    names = swivel_names(cables)
-    missing = [name for name in names if name not in window.further]
-    if missing:
+    swivels = swivel_angles(window, cables)
+    if swivels is None:
+        missing = [name for name in swivel_names(cables) if name not in window.further]
         raise SetupError(
             f"Window {window.id} has no column {', '.join(missing)}: the pose cannot be had from swivel angles.",
             hint="Record the swivel encoders (s1…sn, rad), or take the pose from the motion capture.",
@@ -57,7 +57,6 @@ def own_sensors(window: Window, cables: int) -> OwnSensors:
             f"angles, {len(axes)} inclinations) leave the pose open; six are needed.",
             hint="Add an inclinometer (incl_x, incl_y) or an IMU with yaw (incl_z).",
         )
-    swivels = np.column_stack([window.further[name] for name in names])
     inclination = np.column_stack([window.further[name] for name in axes]) if axes else np.empty((len(window.t), 0))
     return OwnSensors(window.lengths, swivels, inclination)
 

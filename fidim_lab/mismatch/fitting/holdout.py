@@ -17,7 +17,6 @@ from fidim_lab.mismatch.fitting.sprung import guesses_of
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.mismatch.thresholds import SHARED
-from fidim_lab.model.sensitivity.equations import BODY
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +107,7 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     leftovers = [of_remainder(window.id, one.remainder, likelihood) for window, one in predicted.found]
     followed = figures.chi2 < SHARED.near * figures.dof and not any(one.lost for _, one in predicted.found)
     if followed and not whiteness(leftovers).is_white:
-        free = np.ones(len(completed.fit.values), dtype=bool)
-        free[BODY : BODY + len(completed.at_bound)] = ~np.array(completed.at_bound, dtype=bool)
-        left = beyond_errors(completed.fit, free, [one for _, one in predicted.found])
+        left = beyond_errors(completed.fit, completed.free, [one for _, one in predicted.found])
         noise = likelihood.noise
         leftovers = [replace(one, values=values / noise) for one, values in zip(leftovers, left, strict=True)]
     return replace(figures, leftovers=tuple(leftovers))

@@ -12,7 +12,6 @@ from jaxtyping import Float
 from fidim_lab.identification.mle.spread import leave_one_out
 from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.model.sensitivity.equations import BODY
 
 
 def left_out(completed: Completed, held: HeldOut) -> HeldOut | None:
@@ -55,9 +54,7 @@ def _mean_rms(squares: Sequence[tuple[float, int]]) -> float:
 
 def _foretold(completed: Completed) -> Float[np.ndarray, " W"] | None:
     """χ² of each fitted window with the parameters that the others have; None with fewer than three."""
-    fit = completed.fit
-    free = np.ones(len(fit.values), dtype=bool)
-    free[BODY : BODY + len(completed.at_bound)] = ~np.array(completed.at_bound, dtype=bool)
+    fit, free = completed.fit, completed.free
     columns = np.append(free, True)
     tables, nothing = fit.tables[:, :, columns], np.zeros(int(free.sum()))
     steps = leave_one_out(tables, fit.prior_rows[:, columns], nothing)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
@@ -14,7 +14,7 @@ from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.mismatch.fitting.fit_data import Ground, settle
 from fidim_lab.mismatch.fitting.sprung import are_stiff, begins_anew, stiffest
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
-from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
+from fidim_lab.mismatch.residuals.residual import Leftover, of_remainders
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.mismatch.thresholds import SHARED
 from fidim_lab.model.mechanism import Mechanism
@@ -62,12 +62,16 @@ class Completed:
         return sum(left.dof for left in self.fit.remainders)
 
     @property
+    def free(self) -> Bool[np.ndarray, " shared"]:
+        """Which shared parameters the fit could move: all that are not at a bound."""
+        free = np.ones(len(self.fit.values), dtype=bool)
+        free[BODY : BODY + len(self.at_bound)] = ~np.array(self.at_bound, dtype=bool)
+        return free
+
+    @property
     def leftovers(self) -> tuple[Leftover, ...]:
         """The residual of each window."""
-        likelihood = self.fit.likelihood
-        ids = [recording.window.id for recording in likelihood.recordings]
-        remainders = zip(ids, self.fit.remainders, strict=True)
-        return tuple(of_remainder(id, left, likelihood) for id, left in remainders)
+        return of_remainders(self.fit)
 
     @cached_property
     def is_white(self) -> bool:

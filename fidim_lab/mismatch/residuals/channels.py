@@ -20,7 +20,7 @@ from scipy.special import betainc
 
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.residuals.currents import CurrentCourse, courses
-from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
+from fidim_lab.mismatch.residuals.residual import Leftover, of_remainders
 from fidim_lab.mismatch.residuals.swivels import swivels
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 from fidim_lab.mismatch.residuals.whiteness import whiteness
@@ -83,11 +83,7 @@ _Measured = tuple[list[Leftover], Float[np.ndarray, "W K"]]
 
 
 def _markers(found: Fit) -> _Measured:
-    likelihood = found.likelihood
-    left = [
-        of_remainder(recording.window.id, one, likelihood)
-        for recording, one in zip(likelihood.recordings, found.remainders, strict=True)
-    ]
+    left = [*of_remainders(found)]
     return left, np.array([np.nanmean(one.values, axis=(0, 1)) for one in left])
 
 
@@ -101,10 +97,11 @@ def _lengths(found: Fit) -> _Measured | None:
             continue
         means[w, known] = simulation.residuals[w].lengths
         t = window.t - window.t[0] - recording.begin
-        read = window.lengths[(t >= 0) & (t <= float(simulation.ends[w]))][:, known] / likelihood.resolution
+        rows = (t >= 0) & (t <= float(simulation.ends[w]))
+        read = window.lengths[rows][:, known] / likelihood.resolution
         off = read - np.nanmean(read, axis=0)
         beyond = np.sign(off) * np.maximum(np.abs(off) - 1.0, 0.0)  # a count more or less says nothing
-        left.append(_leftover(window.id, window.t[(t >= 0) & (t <= float(simulation.ends[w]))], beyond))
+        left.append(_leftover(window.id, window.t[rows], beyond))
     return (left, means[:, np.isfinite(means).all(axis=0)]) if left else None
 
 

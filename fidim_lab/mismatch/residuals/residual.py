@@ -69,6 +69,12 @@ def of_fit(fit: Fit) -> tuple[Leftover, ...]:
     return tuple(of_simulation(fit.likelihood, simulation, w, remainder) for w, remainder in enumerate(fit.remainders))
 
 
+def of_remainders(fit: Fit) -> tuple[Leftover, ...]:
+    """All windows of a fit by their residuals alone."""
+    windows = zip(fit.likelihood.recordings, fit.remainders, strict=True)
+    return tuple(of_remainder(recording.window.id, left, fit.likelihood) for recording, left in windows)
+
+
 def of_remainder(window: str, left: Remainder, likelihood: Likelihood) -> Leftover:
     """One window or segment by its residual alone."""
     noise = likelihood.noise
